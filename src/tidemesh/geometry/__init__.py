@@ -1,0 +1,1 @@
+"""Points, polylines, polygons, projection; no meshes, no tides."""

@@ -1,0 +1,78 @@
+"""Between longitude and latitude and the plane in which everything is computed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pyproj
+from numpy.typing import ArrayLike
+
+from tidemesh.constants import EARTH_RADIUS
+from tidemesh.errors import InputError
+
+
+@dataclass(frozen=True)
+class Projection:
+    """A map projection, or the bare plane (``crs = ""``) for cases without a place.
+
+    On the bare plane "degrees" are metres: both ways are the identity.
+    """
+
+    crs: str = ""
+    """Projected system in metres: EPSG code, PROJ string or WKT; "" for none."""
+
+    @classmethod
+    def stereographic(cls, longitude_deg: float, latitude_deg: float) -> Projection:
+        """Conformal map about a centre: angles and equilateral triangles stay."""
+        return cls(
+            f"+proj=stere +lat_0={latitude_deg:.6f} +lon_0={longitude_deg:.6f} "
+            "+k=1 +ellps=WGS84 +units=m +no_defs"
+        )
+
+    @classmethod
+    def equirectangular(cls, longitude_deg: float, latitude_deg: float) -> Projection:
+        """ADCIRC's map: x = R dlon cos(lat0), y = R dlat (its ICS = 2)."""
+        return cls(
+            f"+proj=eqc +lat_ts={latitude_deg:.6f} +lat_0={latitude_deg:.6f} "
+            f"+lon_0={longitude_deg:.6f} +R={EARTH_RADIUS} +units=m +no_defs"
+        )
+
+    @cached_property
+    def _transformer(self) -> pyproj.Transformer:
+        try:
+            target = pyproj.CRS.from_user_input(self.crs)
+            if not target.is_projected:
+                raise InputError(
+                    f'projection "{self.crs}" is not in metres: name a projected '
+                    'system, for instance "EPSG:32617", or "stereographic"'
+                )
+            # The longitudes and latitudes of a sphere are taken over unchanged: that
+            # is what ADCIRC does with its degrees.
+            return pyproj.Transformer.from_crs(
+                target.geodetic_crs, target, always_xy=True
+            )
+        except pyproj.exceptions.ProjError as error:
+            raise InputError(
+                f'projection "{self.crs}" is not known: {error}'
+            ) from error
+
+    def forward(self, longitude_deg: ArrayLike, latitude_deg: ArrayLike) -> np.ndarray:
+        """Degrees to metres: (n,) and (n,) -> (n, 2)."""
+        lon = np.asarray(longitude_deg, dtype=np.float64)
+        lat = np.asarray(latitude_deg, dtype=np.float64)
+        if not self.crs:
+            return np.stack([lon, lat], axis=-1)
+        x, y = self._transformer.transform(lon, lat)
+        return np.stack([np.asarray(x), np.asarray(y)], axis=-1)
+
+    def inverse(self, points: ArrayLike) -> np.ndarray:
+        """Metres to degrees: (n, 2) -> (n, 2) longitude, latitude."""
+        xy = np.asarray(points, dtype=np.float64)
+        if not self.crs:
+            return xy.copy()
+        lon, lat = self._transformer.transform(
+            xy[..., 0], xy[..., 1], direction="INVERSE"
+        )
+        return np.stack([np.asarray(lon), np.asarray(lat)], axis=-1)

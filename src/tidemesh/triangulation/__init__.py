@@ -1,0 +1,1 @@
+"""Delaunay, topology, quality and point location on (points, triangles)."""
