@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from tidemesh.datatypes import OCEAN, BoundaryString, Domain
@@ -180,7 +182,7 @@ def _strings_of_ring(
         BoundaryString(
             "open" if is_open[begin] else "mainland", closed_nodes[begin : end + 1]
         )
-        for begin, end in zip(bounds[:-1], bounds[1:])
+        for begin, end in pairwise(bounds.tolist())
     ]
 
 
