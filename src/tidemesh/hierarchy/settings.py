@@ -1,0 +1,48 @@
+"""Settings of the node placement."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import msgspec
+
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+Fraction = Annotated[float, msgspec.Meta(ge=0, le=1)]
+
+
+class HierarchySettings(
+    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
+):
+    """How nodes are placed to follow a size function (paper, section 3.5)."""
+
+    rule: Literal["graded", "strict"] = "graded"
+    """"strict": a triangle is chosen when smaller than its target, as printed.
+    "graded": when smaller than twice its target, plus the 4/3 and 5/3 nodes, which
+    can only fire so (docs/method.md, reading 5)."""
+    line_rule: Literal["equidistributed", "tree"] = "equidistributed"
+    """Boundary lines: equal integrals of ds/size between fixed corners, smoother, or
+    the binary tree of the paper."""
+    near_shore: Literal["resample", "keep"] = "resample"
+    """"resample": sizes to the shore. "keep": the shore and a strip of given nodes
+    stay as they are, as published."""
+    minimum_size_m: Positive | None = None
+    """m, no segment or triangle smaller than this; the paper's 300 m. None: no limit."""
+    root_size_m: Positive | None = None
+    """m, an edge of the lattice; None takes the spacing typical of the size function,
+    so that a scaled function gives a scaled lattice."""
+    gradation: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.25
+    """Largest growth of the size per metre off a finely resolved shore."""
+    boundary_clearance: Fraction = 0.6
+    """Interior nodes keep this fraction of the local size from the boundary."""
+    corner_angle_deg: Annotated[float, msgspec.Meta(gt=0, le=180)] = 60.0
+    """degrees, a turn of the boundary within one spacing that keeps its vertex."""
+    width_fraction: Fraction = 0.5
+    """A boundary segment is refined where the opposite bank is nearer than this
+    fraction of its length; 0 for no refinement beyond what the topology needs."""
+    island_points: Annotated[int, msgspec.Meta(ge=3)] = 4
+    """Least number of points of an island."""
+    strip_width_m: Annotated[float, msgspec.Meta(ge=0)] = 5000.0
+    """m, width of the near-shore strip that "keep" leaves unmodified."""
+    seam_factor: Fraction = 0.65
+    """With "keep": offshore nodes keep this fraction of their size from the strip's
+    nodes (the paper's value)."""
