@@ -1,0 +1,211 @@
+"""Nodal velocities from the elevation.
+
+u = -g (q e_x + f e_y)/(q**2 + f**2), v = -g (q e_y - f e_x)/(q**2 + f**2), with the
+gradient of a piecewise linear elevation brought to the nodes in one of three ways.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sparse
+
+from tidemesh.datatypes import CoastalMesh
+from tidemesh.errors import ConvergenceError
+from tidemesh.tides.frequency_domain.elements import MASS, Elements
+from tidemesh.tides.frequency_domain.wave_equation import Symbols, WaveEquation
+
+SLIP = (0, 1)
+NO_SLIP = (10, 11)
+"""ADCIRC's boundary types whose nodes it lets slip along the shore, or holds."""
+
+_FIT_CHUNK = 20_000
+_FIT_CONDITION = 1.0e8
+
+
+def nodal_velocity(
+    equation: WaveEquation, elevation: np.ndarray, symbols: Symbols
+) -> np.ndarray:
+    """Velocity at the nodes.
+
+    Parameters
+    ----------
+    equation : WaveEquation
+        Its settings choose the projection and the rule at land nodes.
+    elevation : (n_points,) complex array
+        m.
+    symbols : Symbols
+
+    Returns
+    -------
+    velocity : (n_points, 2) complex array
+        m/s, x and y component.
+    """
+    settings, elements = equation.settings, equation.elements
+    if settings.velocity == "lumped":
+        gradient = lumped_gradient(elements, elevation)
+    elif settings.velocity == "consistent":
+        gradient = projected_gradient(elements, elevation)
+    else:
+        gradient = recovered_gradient(equation.mesh, elements, elevation)
+    q = equation.nodal_q(symbols)
+    g, f = settings.gravity, equation.coriolis
+    if f is None:
+        velocity = -g * gradient / q
+    else:
+        gx, gy = gradient
+        velocity = -g * np.stack([q * gx + f * gy, q * gy - f * gx]) / (q * q + f * f)
+    if settings.land_rule == "adcirc":
+        _along_land(equation, velocity, -g * gradient / q)
+    return np.ascontiguousarray(velocity.T)
+
+
+def element_velocity(
+    equation: WaveEquation, elevation: np.ndarray, symbols: Symbols
+) -> np.ndarray:
+    """Velocity of every triangle: (2, n_triangles) complex array, m/s."""
+    gx, gy = equation.elements.gradient_of(elevation)
+    q = equation.element_q(symbols)
+    g = equation.settings.gravity
+    if equation.coriolis is None:
+        return -g * np.stack([gx, gy]) / q
+    f = equation.elements.mean(equation.coriolis)
+    return -g * np.stack([q * gx + f * gy, q * gy - f * gx]) / (q * q + f * f)
+
+
+def lumped_gradient(elements: Elements, nodal: np.ndarray) -> np.ndarray:
+    """(2, n_points) mean of the gradients around a node, weighted by area."""
+    return np.stack([elements.nodal_mean(part) for part in elements.gradient_of(nodal)])
+
+
+def projected_gradient(
+    elements: Elements, nodal: np.ndarray, *, tolerance: float = 1.0e-12
+) -> np.ndarray:
+    """(2, n_points) least-squares projection: the consistent mass matrix is solved.
+
+    Conjugate gradients with the diagonal as preconditioner; the mass matrix of linear
+    triangles then has a condition number of at most 4, whatever the mesh.
+
+    Raises
+    ------
+    ConvergenceError
+        If the tolerance is not reached in 100 iterations.
+    """
+    on, off = MASS["consistent"]
+    area = elements.area
+    a, b, c = elements.corners
+    diagonal = elements.scatter(np.broadcast_to(on * area, elements.corners.shape))
+    sides = np.concatenate([a, b, c]), np.concatenate([b, c, a])
+    half = sparse.csr_array((np.tile(off * area, 3), sides), (elements.n_points,) * 2)
+    mass = (half + half.T + sparse.diags_array(diagonal)).tocsr()
+
+    gradient = elements.gradient_of(nodal)
+    load = np.stack([elements.scatter(np.tile(area / 3.0 * d, 3)) for d in gradient])
+    rhs = np.concatenate([load.real, load.imag]).T
+    inverse = 1.0 / diagonal[:, None]
+    solution = inverse * rhs
+    residual = rhs - mass @ solution
+    search = inverse * residual
+    rho = (residual * search).sum(axis=0)
+    goal = tolerance**2 * (rhs * inverse * rhs).sum(axis=0)
+    for _ in range(100):
+        if (rho <= goal).all():
+            return (solution[:, :2] + 1j * solution[:, 2:]).T
+        image = mass @ search
+        curvature = (search * image).sum(axis=0)
+        step = np.divide(rho, curvature, out=np.zeros_like(rho), where=curvature > 0.0)
+        solution += step * search
+        residual -= step * image
+        scaled = inverse * residual
+        previous, rho = rho, (residual * scaled).sum(axis=0)
+        turn = np.divide(rho, previous, out=np.zeros_like(rho), where=previous > 0.0)
+        search = scaled + turn * search
+    raise ConvergenceError("the projection of the velocities did not converge")
+
+
+def recovered_gradient(
+    mesh: CoastalMesh, elements: Elements, nodal: np.ndarray
+) -> np.ndarray:
+    """(2, n_points) gradient at each node of a quadratic fitted to two rings of nodes.
+
+    A fit of degree two to the nodal values recovers the gradient to second order, up
+    to the boundary (Zhang & Naga 2005, polynomial-preserving recovery). Where the
+    rings do not determine a quadratic (channels one triangle wide), the mean of the
+    element gradients stands in.
+    """
+    gradient = lumped_gradient(elements, nodal)
+    n = elements.n_points
+    tails = elements.corners.ravel()
+    heads = np.roll(elements.corners, -1, axis=0).ravel()
+    ones = np.ones(len(tails), dtype=np.float32)
+    near = sparse.csr_array((ones, (tails, heads)), shape=(n, n))
+    near = (near + near.T + sparse.eye_array(n, dtype=np.float32)).tocsr()
+    for first in range(0, n, _FIT_CHUNK):
+        rings = (near[first : first + _FIT_CHUNK] @ near).tocsr()
+        rows = slice(first, first + rings.shape[0])
+        fitted, good = _fit_quadratic(mesh.points, nodal, rings, first)
+        if elements.scale is not None:
+            fitted *= elements.scale[:, rows]
+        gradient[:, rows] = np.where(good, fitted, gradient[:, rows])
+    return gradient
+
+
+def _fit_quadratic(
+    points: np.ndarray, nodal: np.ndarray, rings: sparse.csr_array, first: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Gradients (2, k) of quadratic fits about k nodes, and where they are sound."""
+    starts, others = rings.indptr[:-1], rings.indices
+    count = np.diff(rings.indptr)
+    own = np.repeat(np.arange(first, first + len(count)), count)
+    offset = points[others] - points[own]
+    reach = np.sqrt(np.maximum.reduceat((offset**2).sum(axis=1), starts))
+    x, y = (offset / np.repeat(reach, count)[:, None]).T
+    # The value at the node itself is part of the fit, not forced.
+    terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y])
+    normal = np.empty((len(count), 6, 6))
+    load = np.empty((len(count), 6), dtype=np.complex128)
+    for i in range(6):
+        load[:, i] = np.add.reduceat(terms[i] * nodal[others], starts)
+        for j in range(i + 1):
+            normal[:, i, j] = np.add.reduceat(terms[i] * terms[j], starts)
+            normal[:, j, i] = normal[:, i, j]
+    good = (count >= 6) & (np.linalg.cond(normal) < _FIT_CONDITION)
+    normal[~good] = np.eye(6)
+    fit = np.linalg.solve(normal, load[..., None])[..., 0]
+    return (fit[:, 1:3] / reach[:, None]).T, good
+
+
+def _along_land(
+    equation: WaveEquation, velocity: np.ndarray, unturned: np.ndarray
+) -> None:
+    """Apply ADCIRC's rule at land nodes, in place.
+
+    The momentum equation along the shore is kept, the velocity across it set to zero;
+    so the rotation drops out and `unturned` = -g grad(e)/q is what is projected. The
+    shore's direction at a node joins its two neighbours on the boundary string, itself
+    standing in for the missing one at an end.
+    """
+    mesh, scale = equation.mesh, equation.elements.scale
+    least = np.cos(np.radians(equation.settings.minimum_inner_angle_deg))
+    for string in mesh.boundaries:
+        nodes = string.nodes
+        if string.kind == "open" or len(nodes) < 2:
+            continue
+        if string.ibtype in NO_SLIP:
+            velocity[:, nodes] = 0.0
+        if string.ibtype not in SLIP:
+            continue
+        before, after = np.roll(nodes, 1), np.roll(nodes, -1)
+        if not string.closed:
+            before[0], after[-1] = nodes[0], nodes[-1]
+        along = (mesh.points[after] - mesh.points[before]).T
+        if scale is not None:
+            along = along / scale[:, nodes]
+        tangent = along / np.hypot(*along)
+        speed = (tangent * unturned[:, nodes]).sum(axis=0)
+        velocity[:, nodes] = tangent * speed
+
+        back = (mesh.points[before] - mesh.points[nodes]).T
+        ahead = (mesh.points[after] - mesh.points[nodes]).T
+        convex = ahead[0] * back[1] - ahead[1] * back[0] > 0.0
+        sharp = (ahead * back).sum(axis=0) > least * np.hypot(*ahead) * np.hypot(*back)
+        velocity[:, nodes[convex & sharp]] = 0.0
