@@ -21,7 +21,14 @@ CROWDED = 16
 
 FINEST_DIVISION = 32
 LEVELS = 5
+MARGIN = 1e-6
+"""In cells: wider than any rounding, so that no point falls between two lists."""
+
+BLOCK = 200_000
+"""Triangles taken at a time, for the memory."""
+
 LEAF = 4
+"""Boundary segments in a leaf of the tree."""
 
 
 class Locator:
@@ -145,93 +152,133 @@ class Locator:
         return sum(values[..., node[:, k]] * weight[:, k] for k in range(3))
 
     def _build(self) -> None:
-        x, y = self._x, self._y
-        used = np.unique(self._triangles)
-        left, right = x[used].min(), x[used].max()
-        low, high = y[used].min(), y[used].max()
-        count = len(self._triangles)
+        corners = self._triangles
+        left, right = self._x[corners].min(), self._x[corners].max()
+        low, high = self._y[corners].min(), self._y[corners].max()
         width, height = right - left, high - low
-        cells = max(count / TRIANGLES_PER_CELL, 1.0)
-        # A mesh may be a line as seen from its bounding box.
+        cells = max(len(corners) / TRIANGLES_PER_CELL, 1.0)
+        # The second term bounds the cells of a mesh that is a mere line in its box.
         side = max(np.sqrt(width * height / cells), max(width, height) / cells)
-        origin = np.array([[left - 0.5 * side, low - 0.5 * side]])
-        shape = np.array([[int(width / side) + 2, int(height / side) + 2]])
-        step = np.array([side])
-        first_cell = np.zeros(1, dtype=np.int64)
-        members = np.arange(count, dtype=np.uint32)
-        member_start = np.array([0, count])
+        grids = _Grids(
+            origin=np.array([[left - 0.5 * side, low - 0.5 * side]]),
+            step=np.array([side]),
+            shape=np.array([[int(width / side) + 2, int(height / side) + 2]]),
+        )
+        members = np.arange(len(corners), dtype=np.uint32)
+        owner = np.zeros(len(corners), dtype=np.int64)
 
-        grids = []
-        children, counts, lists = [], [], []
+        levels, children, counts, lists = [], [], [], []
         n_cells, n_grids = 0, 1
         for level in range(LEVELS):
-            inside = shape.prod(axis=1)
-            local_first = np.cumsum(inside) - inside
-            number, listed = self._bin(
-                members, member_start, origin, step, shape, local_first
+            number, listed = self._bin(grids, members, owner)
+            child = np.full(len(number), -1, dtype=np.int32)
+            levels.append(
+                (grids.origin, grids.step, grids.shape, n_cells + grids.first)
             )
-            grids.append((origin, step, shape, first_cell))
+            children.append(child)
             counts.append(number)
             lists.append(listed)
-            child = np.full(len(number), -1, dtype=np.int64)
-            children.append(child)
             n_cells += len(number)
             crowded = np.flatnonzero(number > CROWDED)
             if level == LEVELS - 1 or len(crowded) == 0:
                 break
             child[crowded] = n_grids + np.arange(len(crowded))
             n_grids += len(crowded)
+            members = listed[np.repeat(number > CROWDED, number)]
+            owner = np.repeat(np.arange(len(crowded)), number[crowded])
+            grids = grids.divided(crowded, number[crowded])
 
-            start = np.concatenate([[0], np.cumsum(number)])
-            many = number[crowded]
-            members = np.concatenate(
-                [listed[start[cell] : start[cell + 1]] for cell in crowded]
-            )
-            member_start = np.concatenate([[0], np.cumsum(many)])
-            grid = np.searchsorted(local_first, crowded, side="right") - 1
-            inner = crowded - local_first[grid]
-            row, column = np.divmod(inner, shape[grid, 0])
-            parts = np.ceil(np.sqrt(many / TRIANGLES_PER_CELL)).astype(np.int64)
-            parts = np.minimum(parts, FINEST_DIVISION)
-            place = np.stack([column, row], axis=1)
-            origin = origin[grid] + place * step[grid, None]
-            step = step[grid] / parts
-            shape = np.stack([parts, parts], axis=1)
-            first_cell = n_cells + np.cumsum(parts**2) - parts**2
-
-        self._grids = tuple(np.concatenate(part) for part in zip(*grids))
+        self._grids = tuple(np.concatenate(part) for part in zip(*levels))
         self._child = np.concatenate(children)
         self._start = np.concatenate([[0], np.cumsum(np.concatenate(counts))])
         self._entries = np.concatenate(lists)
 
     def _bin(
-        self,
-        members: np.ndarray,
-        member_start: np.ndarray,
-        origin: np.ndarray,
-        step: np.ndarray,
-        shape: np.ndarray,
-        first_cell: np.ndarray,
+        self, grids: _Grids, members: np.ndarray, owner: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Triangles per cell (counting sort): their number, and the lists joined."""
-        number = np.zeros(int(shape.prod(axis=1).sum()), dtype=np.int64)
-        common = (
-            self._x,
-            self._y,
-            self._triangles,
-            members,
-            member_start,
-            origin,
-            step,
-            shape,
-            first_cell,
+        """Triangles per cell: their number (n_cells,), and all the lists joined."""
+        parts = []
+        for begin in range(0, len(members), BLOCK):
+            block = members[begin : begin + BLOCK]
+            corner = self._triangles[block]
+            item, cell = grids.overlaps(
+                self._x[corner], self._y[corner], owner[begin : begin + BLOCK]
+            )
+            # One number for both sorts several times faster than an argsort.
+            parts.append((cell << 32) | block[item])
+        pairs = np.concatenate(parts)
+        pairs.sort()
+        number = np.bincount(pairs >> 32, minlength=grids.n_cells)
+        return number, pairs.astype(np.uint32)
+
+
+class _Grids:
+    """Grids of square cells, each numbered row by row after the one before.
+
+    Parameters
+    ----------
+    origin : (n, 2) m, lower left corners
+    step : (n,) m
+    shape : (n, 2) columns and rows
+    """
+
+    def __init__(self, origin: np.ndarray, step: np.ndarray, shape: np.ndarray):
+        self.origin, self.step, self.shape = origin, step, shape
+        inside = shape.prod(axis=1)
+        self.first = np.cumsum(inside) - inside
+        self.n_cells = int(inside.sum())
+
+    def divided(self, cells: np.ndarray, number: np.ndarray) -> _Grids:
+        """A grid in each of some cells, fit for the number of triangles in it."""
+        grid = np.searchsorted(self.first, cells, side="right") - 1
+        row, column = np.divmod(cells - self.first[grid], self.shape[grid, 0])
+        place = np.stack([column, row], axis=1)
+        parts = np.ceil(np.sqrt(number / TRIANGLES_PER_CELL)).astype(np.int64)
+        parts = np.minimum(parts, FINEST_DIVISION)
+        return _Grids(
+            origin=self.origin[grid] + place * self.step[grid, None],
+            step=self.step[grid] / parts,
+            shape=np.stack([parts, parts], axis=1),
         )
-        none = np.empty(0, dtype=np.uint32)
-        _kernels.bin_triangles(*common, number, False, none)
-        listed = np.empty(int(number.sum()), dtype=np.uint32)
-        position = np.cumsum(number) - number
-        _kernels.bin_triangles(*common, position, True, listed)
-        return number, listed
+
+    def overlaps(
+        self, x: np.ndarray, y: np.ndarray, grid: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Cells that triangles meet: corners (m, 3) -> rows, cells (n_pairs,)."""
+        u = (x - self.origin[grid, :1]) / self.step[grid, None]
+        v = (y - self.origin[grid, 1:]) / self.step[grid, None]
+        columns, rows = self.shape[grid].T
+        left = np.maximum(np.floor(u.min(axis=1) - MARGIN), 0.0).astype(np.int64)
+        right = np.floor(u.max(axis=1) + MARGIN).astype(np.int64)
+        low = np.maximum(np.floor(v.min(axis=1) - MARGIN), 0.0).astype(np.int64)
+        high = np.floor(v.max(axis=1) + MARGIN).astype(np.int64)
+        wide = np.minimum(right, columns - 1) - left + 1
+        count = wide * (np.minimum(high, rows - 1) - low + 1)
+
+        item = np.repeat(np.arange(len(x)), count)
+        inner = np.arange(len(item)) - np.repeat(np.cumsum(count) - count, count)
+        row, column = np.divmod(inner, wide[item])
+        row += low[item]
+        column += left[item]
+
+        # A triangle that is wider and higher than a cell may still miss it: one of its
+        # sides then has the whole cell on its outer side.
+        ahead_u, ahead_v = np.roll(u, -1, axis=1) - u, np.roll(v, -1, axis=1) - v
+        turn = ahead_u[:, 0] * ahead_v[:, 1] - ahead_u[:, 1] * ahead_v[:, 0]
+        normal_u = np.where(turn < 0.0, 1.0, -1.0)[:, None] * ahead_v
+        normal_v = np.where(turn < 0.0, -1.0, 1.0)[:, None] * ahead_u
+        reach = np.maximum(normal_u, 0.0) + np.maximum(normal_v, 0.0)
+        reach += MARGIN * (np.abs(normal_u) + np.abs(normal_v))
+        reach -= normal_u * u + normal_v * v
+        meets = np.ones(len(item), dtype=bool)
+        for side in range(3):
+            meets &= (
+                normal_u[item, side] * column
+                + normal_v[item, side] * row
+                + reach[item, side]
+            ) >= 0.0
+        cell = self.first[grid[item]] + row * columns[item] + column
+        return item[meets], cell[meets]
 
 
 class _Boundary:
