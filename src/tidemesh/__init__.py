@@ -1,3 +1,55 @@
-"""Meshes for tide models, sized by tidal truncation error."""
+"""Meshes for tide models, sized by tidal truncation error.
+
+The public names, in the order of the method::
+
+    case = tidemesh.read_case("case.toml")
+    result = tidemesh.run_case("case.toml", output="out")
+
+    land = tidemesh.read_shoreline("shoreline.geojson")
+    domain = tidemesh.build_domain(land, settings)
+    base = tidemesh.build_base_grid(domain, sources, base_settings, depth_settings)
+    tide = tidemesh.solve_tide(base, forcing, settings)
+    series = tidemesh.momentum_series(base, tide, settings)
+    sizes = tidemesh.allowable_sizes(base, rule, level, settings)
+    selection = tidemesh.select_points(domain, spacing, settings)
+    points, triangles, report = tidemesh.improve_mesh(selection.domain, ...)
+    tidemesh.write_fort14("mesh.14", mesh)
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
 
 __version__ = "0.1.0"
+
+_WHERE = {
+    "read_case": "tidemesh.pipeline",
+    "run_case": "tidemesh.pipeline",
+    "read_shoreline": "tidemesh.io.shoreline",
+    "build_domain": "tidemesh.boundary",
+    "build_base_grid": "tidemesh.basegrid",
+    "boundary_forcing": "tidemesh.tides",
+    "solve_tide": "tidemesh.tides",
+    "momentum_series": "tidemesh.truncation",
+    "allowable_sizes": "tidemesh.sizing",
+    "select_points": "tidemesh.hierarchy",
+    "improve_mesh": "tidemesh.improve",
+    "read_fort14": "tidemesh.io.fort14",
+    "write_fort14": "tidemesh.io.fort14",
+    "write_ugrid": "tidemesh.io.ugrid",
+    "check_mesh": "tidemesh.triangulation",
+}
+
+__all__ = ["__version__", *_WHERE]
+
+
+def __getattr__(name: str) -> Any:
+    # Loaded on first use: `import tidemesh` and `tidemesh --help` stay instant.
+    if name in _WHERE:
+        return getattr(importlib.import_module(_WHERE[name]), name)
+    raise AttributeError(f"module 'tidemesh' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,76 @@
+"""One call from a case file to its results."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from tidemesh.errors import InputError
+from tidemesh.io.tide_tables import read_tide_table
+from tidemesh.pipeline.case import Case, input_files, read_case
+from tidemesh.pipeline.figures import FIGURES
+from tidemesh.pipeline.runner import Reporter, Run, run_stages
+from tidemesh.pipeline.stages import STAGES, read_depth_sources
+
+
+def run_case(
+    case: str | Path,
+    *,
+    output: str | Path | None = None,
+    until: str | None = None,
+    overrides: Sequence[str] = (),
+    reporter: Reporter | None = None,
+) -> Run:
+    """Mesh a case: shoreline, base grid, tide, error, sizes, mesh, check, figures.
+
+    Parameters
+    ----------
+    case : path
+        Case file (TOML).
+    output : path, optional
+        Folder of the results; ``out/NAME-OF-CASE`` if not given.
+    until : str, optional
+        Stop after this stage.
+    overrides : sequence of "section.key=value"
+        Replace values of the case.
+    reporter : Reporter, optional
+        Hears about the progress.
+
+    Returns
+    -------
+    Run
+        Output folder, summary, and the stages taken over from an earlier run.
+
+    Raises
+    ------
+    InputError
+        If the case or its files cannot be used; before long work starts.
+    """
+    path = Path(case)
+    checked = read_case(path, overrides)
+    files = input_files(checked, path.parent)
+    check_inputs(checked, files)
+    folder = Path(output) if output is not None else Path("out") / path.stem
+    stages = STAGES if not checked.output.figures else (*STAGES, FIGURES)
+    return run_stages(stages, checked, files, folder, until=until, reporter=reporter)
+
+
+def check_inputs(case: Case, files: dict[str, Path]) -> None:
+    """Find what is wrong with the input files before long work starts.
+
+    Raises
+    ------
+    InputError
+        If the forcing lacks a constituent, or a depth source cannot be read or does
+        not reach into the box.
+    """
+    table = read_tide_table(files["forcing.table"])
+    for name in case.tide.constituents:
+        if name not in table.names:
+            raise InputError(
+                f"{files['forcing.table']}: no constituent {name}; the table has "
+                f"{', '.join(table.names)}: change tide.constituents or the table"
+            )
+    if "forcing.gauges" in files:
+        read_tide_table(files["forcing.gauges"])
+    read_depth_sources(case, files)

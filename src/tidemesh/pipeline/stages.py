@@ -1,0 +1,664 @@
+"""The stages of the method, from shoreline to figures (paper, sections 3.1 to 3.5)."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tidemesh import basegrid, boundary, hierarchy, improve, sizing, tides, truncation
+from tidemesh.datatypes import CoastalMesh, Domain, SizeField, TideSolution
+from tidemesh.errors import ConvergenceError
+from tidemesh.io.dem import read_raster
+from tidemesh.io.files import atomic
+from tidemesh.io.fort14 import write_fort14
+from tidemesh.io.shoreline import read_shoreline
+from tidemesh.io.soundings import read_soundings
+from tidemesh.io.tide_tables import read_tide_table
+from tidemesh.io.ugrid import Field, write_ugrid
+from tidemesh.pipeline.case import Case
+from tidemesh.pipeline.runner import Context, Stage
+from tidemesh.triangulation import domain as domain_mesh
+from tidemesh.triangulation import locate, quality, topology
+
+_RETRIES = 4
+_HESSIAN_RULES = ("hessian", "energy_hessian")
+
+
+# ---- 1. domain (section 3.1) ----------------------------------------------------
+
+
+def make_domain(context: Context) -> Domain:
+    """Shoreline to typed rings of water."""
+    settings = context.case.domain
+    land = _read_land(context)
+    context.progress(0.3)
+    region_land = [
+        read_shoreline(context.files[key], box_deg=settings.box_deg)
+        if (key := f"domain.regions[{index}].shoreline") in context.files
+        else None
+        for index in range(len(settings.regions))
+    ]
+    domain = boundary.build_domain(land, _resolved(context), region_land)
+    actions: dict[str, int] = {}
+    for entry in domain.ledger:
+        actions[entry.action] = actions.get(entry.action, 0) + 1
+    context.report["domain"] = {
+        "boundary_nodes": sum(len(ring.points) for ring in domain.rings),
+        "islands": len(domain.rings) - 1,
+        "area_km2": _water_area(domain) / 1e6,
+        "ledger": actions,
+        "ledger_area_km2": sum(entry.area_m2 for entry in domain.ledger) / 1e6,
+    }
+    _write_domain(context.path("domain.geojson"), domain)
+    return domain
+
+
+def _read_land(context: Context):
+    settings = context.case.domain
+    return read_shoreline(
+        context.files["domain.shoreline"],
+        box_deg=settings.box_deg,
+        layer=settings.layer,
+        land_on=settings.land_on,
+        repair=settings.repair,
+    )
+
+
+def _resolved(context: Context):
+    """Domain settings with the polygon of a file put in the place of its name."""
+    return context.case.domain
+
+
+def _water_area(domain: Domain) -> float:
+    total = 0.0
+    for ring in domain.rings:
+        x, y = (ring.points - ring.points[0]).T
+        total += 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+    return total
+
+
+def _write_domain(path: Path, domain: Domain) -> None:
+    """Boundary lines and ledger as GeoJSON, for a look in a GIS."""
+    features: list[dict[str, Any]] = []
+    for number, ring in enumerate(domain.rings):
+        places = domain.projection.inverse(ring.points).round(7)
+        for kind, name in ((0, "land"), (1, "ocean")):
+            for run in _runs(ring.segment_kind == kind):
+                nodes = [*run, (run[-1] + 1) % len(places)]
+                features.append(
+                    {
+                        "type": "Feature",
+                        "properties": {"ring": number, "kind": name},
+                        "geometry": {
+                            "type": "LineString",
+                            "coordinates": places[nodes].tolist(),
+                        },
+                    }
+                )
+    for entry in domain.ledger:
+        properties = {
+            "kind": "ledger",
+            "action": entry.action,
+            "area_km2": round(entry.area_m2 / 1e6, 4),
+            "reason": entry.reason,
+        }
+        point = [round(entry.longitude_deg, 6), round(entry.latitude_deg, 6)]
+        features.append(
+            {
+                "type": "Feature",
+                "properties": properties,
+                "geometry": {"type": "Point", "coordinates": point},
+            }
+        )
+    text = json.dumps({"type": "FeatureCollection", "features": features})
+    with atomic(path) as temporary:
+        Path(temporary).write_text(text + "\n", encoding="utf-8")
+
+
+def _runs(selected: np.ndarray) -> list[list[int]]:
+    """Cyclic runs of selected segments, each as consecutive indices."""
+    n = len(selected)
+    if selected.all():
+        return [list(range(n))]
+    starts = np.flatnonzero(selected & ~np.roll(selected, 1))
+    runs = []
+    for start in starts:
+        run = [int(start)]
+        while selected[(run[-1] + 1) % n]:
+            run.append((run[-1] + 1) % n)
+        runs.append(run)
+    return runs
+
+
+# ---- 2. base grid (section 3.2) -------------------------------------------------
+
+
+def make_base_grid(context: Context) -> CoastalMesh:
+    """Rings to a fine grid with depths."""
+    case = context.case
+    domain = context["domain"]
+    sources = read_depth_sources(case, context.files)
+    context.progress(0.2)
+    mesh, depths = basegrid.build_base_grid(
+        domain, sources, case.base_grid, case.depth, progress=context.progress
+    )
+    context.report["base_grid"] = {
+        "nodes": len(mesh.points),
+        "elements": len(mesh.triangles),
+        "depth_m": _range(mesh.depth),
+        "depths": _plain(depths),
+        "quality": quality.quality_summary(mesh.points, mesh.triangles),
+    }
+    write_ugrid(context.path("base_mesh.nc"), mesh, (), title=case.title)
+    return mesh
+
+
+def read_depth_sources(case: Case, files) -> list:
+    """Rasters and soundings in the order of the case."""
+    sources = []
+    for index, source in enumerate(case.depth.sources):
+        path = files[f"depth.sources[{index}].path"]
+        name = path.name.lower().removesuffix(".gz")
+        scattered = source.kind == "soundings" or (
+            source.kind == "auto" and name.endswith((".csv", ".txt", ".xyz"))
+        )
+        read = read_soundings if scattered else read_raster
+        options: dict[str, Any] = {
+            "variable": source.variable,
+            "positive": source.positive,
+            "crs": source.crs,
+            "box_deg": case.domain.box_deg,
+        }
+        if source.fill_value is not None:
+            options["fill_value"] = source.fill_value
+        sources.append(read(path, **options))
+    return sources
+
+
+# ---- 3. tide (sections 2.2 and 3.3) ---------------------------------------------
+
+
+def solve_base_tide(context: Context) -> TideSolution:
+    """Base grid to complex elevation and velocity."""
+    mesh = context["base_grid"]
+    tide = _solve(context, mesh)
+    context.report["base_tide"] = _tide_report(mesh, tide, context)
+    write_ugrid(
+        context.path("tide.nc"), mesh, tide_fields(tide), title=context.case.title
+    )
+    return tide
+
+
+def _solve(context: Context, mesh: CoastalMesh) -> TideSolution:
+    settings = context.case.tide
+    table = read_tide_table(context.files["forcing.table"])
+    forcing = tides.boundary_forcing(
+        mesh,
+        table,
+        settings.constituents,
+        max_distance_m=1e3 * settings.max_forcing_distance_km,
+    )
+    return tides.solve(mesh, forcing, settings, progress=context.progress)
+
+
+def _tide_report(
+    mesh: CoastalMesh, tide: TideSolution, context: Context
+) -> dict[str, Any]:
+    balance = tides.energy_balance(mesh, tide, mesh.open_nodes, context.case.tide)
+    return {
+        name: {
+            "largest_amplitude_m": float(np.abs(tide.elevation[c]).max()),
+            "energy_inflow_w": float(balance.inflow[c]),
+            "energy_dissipation_w": float(balance.dissipation[c]),
+        }
+        for c, name in enumerate(tide.names)
+    }
+
+
+def tide_fields(tide: TideSolution) -> list[Field]:
+    """Elevation and velocity of every constituent, as fields to write."""
+    fields = []
+    for c, name in enumerate(tide.names):
+        fields += [
+            Field(
+                f"elevation_{name}",
+                tide.elevation[c],
+                "m",
+                f"{name} elevation of the sea surface",
+            ),
+            Field(
+                f"u_{name}", tide.velocity[c, :, 0], "m s-1", f"{name} eastward velocity"
+            ),
+            Field(
+                f"v_{name}",
+                tide.velocity[c, :, 1],
+                "m s-1",
+                f"{name} northward velocity",
+            ),
+        ]
+    return fields
+
+
+# ---- 4. truncation error (section 3.3) ------------------------------------------
+
+
+def measure_error(context: Context) -> dict[str, Any]:
+    """Tide to the truncation error series and the curvature of the elevation."""
+    mesh, tide = context["base_grid"], context["tide"]
+    settings = context.case.truncation
+    series = truncation.momentum_series(mesh, tide, settings)
+    context.progress(0.7)
+    hessian = truncation.recovered_hessian(mesh.points, mesh.triangles, tide.elevation)
+    spacing = base_spacing(context)
+    error = truncation.error_at(series, spacing)
+    curvature = sizing.hessian_magnitude(hessian)
+    known = np.isfinite(error).all(axis=0) & series.known
+    context.report["truncation"] = {
+        "known_nodes": int(series.known.sum()),
+        "peak_error_m_s2": float(error[:, known].max()) if known.any() else None,
+        "median_error_m_s2": float(np.median(error[:, known])) if known.any() else None,
+        "spacing_m": _range(spacing),
+    }
+    fields = [
+        Field(
+            f"truncation_error_{name}",
+            error[c],
+            "m s-2",
+            f"{name} truncation error at the base spacing",
+        )
+        for c, name in enumerate(tide.names)
+    ]
+    fields.append(
+        Field("curvature", curvature, "m-1", "second derivatives of the elevation")
+    )
+    write_ugrid(context.path("error.nc"), mesh, fields, title=context.case.title)
+    return {"series": series, "hessian": hessian, "error": error}
+
+
+def base_spacing(context: Context) -> np.ndarray:
+    """Spacing of the base grid (m) at its nodes: the lattice's, or that of its edges.
+
+    On the lattice all nodes have the same, as the paper has its 900 m.
+    """
+    mesh = context["base_grid"]
+    grid = context.case.base_grid
+    if grid.kind == "hexagonal" or context.case.truncation.lattice_spacing_m:
+        spacing = context.case.truncation.lattice_spacing_m or grid.spacing_m
+        return np.full(len(mesh.points), float(spacing))
+    return node_spacing(mesh.points, mesh.triangles)
+
+
+def node_spacing(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Mean length (m) of the edges at every node: (n_points,)."""
+    edge = topology.edges(triangles)
+    length = np.linalg.norm(points[edge[:, 1]] - points[edge[:, 0]], axis=1)
+    total = np.bincount(edge.ravel(), np.repeat(length, 2), len(points))
+    return total / np.maximum(np.bincount(edge.ravel(), minlength=len(points)), 1)
+
+
+# ---- 5. sizes (section 3.4) -----------------------------------------------------
+
+
+def choose_sizes(context: Context) -> dict[str, Any]:
+    """Error to the allowed spacing that meets the tolerance or the node budget."""
+    case = context.case
+    mesh, domain = context["base_grid"], context["domain"]
+    measured = context["truncation"]
+    settings = case.sizing
+    inputs = sizing.RuleInputs(
+        mesh,
+        context["tide"].frequency,
+        series=measured["series"],
+        hessian=measured["hessian"],
+    )
+    rule = sizing.build_rule(inputs, settings)
+    sizes = sizing.size_builder(mesh, rule, settings)
+
+    budget = _NodeBudget(case, domain, mesh, sizes, context.progress)
+    found = sizing.choose_level(
+        mesh,
+        rule,
+        sizes,
+        settings,
+        count=budget.count if settings.tolerance == "nodes" else None,
+        base_spacing=base_spacing(context),
+        series=measured["series"],
+    )
+    level = found.value
+    if settings.tolerance == "nodes":
+        level = budget.refine(level, settings.nodes)
+    field = sizes(level)
+    context.report["sizing"] = {
+        "rule": settings.rule,
+        "level": level,
+        "spacing_m": _range(field.spacing),
+        "expected_nodes": sizing.expected_nodes(field),
+    }
+    fields = [Field("spacing", field.spacing, "m", "allowed node spacing")]
+    write_ugrid(context.path("size.nc"), mesh, fields, title=case.title)
+    return {"field": field, "level": level}
+
+
+class _NodeBudget:
+    """Counts the nodes that a level gives, with and without the mesh improvement."""
+
+    def __init__(
+        self,
+        case: Case,
+        domain: Domain,
+        base: CoastalMesh,
+        sizes: Callable[[float], SizeField],
+        progress: Callable[[float], None],
+    ):
+        self._case, self._domain, self._base = case, domain, base
+        self._sizes, self._progress = sizes, progress
+        self._calls = 0
+
+    def count(self, level: float) -> int:
+        """Nodes placed, before the improvement adds or removes a few."""
+        self._calls += 1
+        self._progress(1.0 - 0.85**self._calls)
+        selection = place_nodes(
+            self._case, self._domain, self._base, self._sizes(level)
+        )
+        rings = sum(len(ring.points) for ring in selection.domain.rings)
+        return rings + len(selection.interior)
+
+    def refine(self, level: float, nodes: int) -> float:
+        """Correct the level until the finished mesh meets the budget within 1 %."""
+        best = (math.inf, level)
+        tried: dict[float, int] = {}
+        for _ in range(_RETRIES):
+            self._calls += 1
+            self._progress(1.0 - 0.85**self._calls)
+            field = self._sizes(level)
+            points, _, _, _ = make_triangles(self._case, self._domain, self._base, field)
+            tried[level] = len(points)
+            off = abs(len(points) / nodes - 1.0)
+            best = min(best, (off, level))
+            if off <= 0.004:
+                break
+            level *= math.sqrt(len(points) / nodes)
+        if best[0] > 0.01:
+            counts = ", ".join(str(n) for n in sorted(tried.values()))
+            raise ConvergenceError(
+                f"[sizing] nodes = {nodes}: the finished mesh had {counts} nodes, never "
+                "within 1 %; ask for one of these numbers"
+            )
+        return best[1]
+
+
+# ---- 6. mesh (section 3.5) ------------------------------------------------------
+
+
+def make_mesh(context: Context) -> CoastalMesh:
+    """Sizes to the finished mesh: hierarchy, Delaunay, smoothing, depths, strings."""
+    case = context.case
+    base, field = context["base_grid"], context["sizing"]["field"]
+    points, triangles, domain, reports = make_triangles(
+        case, context["domain"], base, field
+    )
+    context.progress(0.6)
+    spacing = node_spacing(points, triangles)
+    sources = read_depth_sources(case, context.files)
+    depth, depths = basegrid.sample_depths(
+        points, domain.projection, sources, case.depth, spacing=spacing
+    )
+    mesh = CoastalMesh(
+        points,
+        triangles,
+        depth,
+        domain_mesh.boundary_strings(domain),
+        domain.projection,
+    )
+    topology.require_valid(
+        mesh.points,
+        mesh.triangles,
+        mesh.depth,
+        mesh.boundaries,
+        minimum_depth=case.depth.minimum_m,
+    )
+    context.progress(0.8)
+    target = locate.as_function(field)(points)
+    edge = topology.edges(triangles)
+    length = np.linalg.norm(points[edge[:, 1]] - points[edge[:, 0]], axis=1)
+    ratio = length / target[edge].mean(axis=1)
+    context.report.update(
+        {
+            "nodes": len(points),
+            "elements": len(triangles),
+            "boundary_strings": {
+                kind: sum(b.kind == kind for b in mesh.boundaries)
+                for kind in ("open", "mainland", "island")
+            },
+            "depth_m": _range(depth),
+            "edge_length_m": _range(length),
+            "quality": quality.quality_summary(points, triangles),
+            "edges_within_sqrt2_of_target": float(
+                ((ratio >= math.sqrt(0.5)) & (ratio <= math.sqrt(2.0))).mean()
+            ),
+            "depths": _plain(depths),
+            "placement": reports,
+        }
+    )
+    fields = [Field("spacing", target, "m", "allowed node spacing")]
+    write_ugrid(context.path("mesh.nc"), mesh, fields, title=case.title)
+    write_fort14(context.path("mesh.14"), mesh, title=case.title or "tidemesh")
+    return mesh
+
+
+def place_nodes(
+    case: Case, domain: Domain, base: CoastalMesh, field: SizeField
+) -> hierarchy.Selection:
+    """Nodes on the boundary and inside that follow a size field."""
+    kept = base.points if case.hierarchy.near_shore == "keep" else None
+    return hierarchy.select_points(
+        domain, locate.as_function(field), case.hierarchy, near_shore_points=kept
+    )
+
+
+def make_triangles(
+    case: Case, domain: Domain, base: CoastalMesh, field: SizeField
+) -> tuple[np.ndarray, np.ndarray, Domain, dict[str, Any]]:
+    """Points, triangles, resampled domain and what was done."""
+    selection = place_nodes(case, domain, base, field)
+    points, triangles, report = improve.improve_mesh(
+        selection.domain, selection.interior, locate.as_function(field), case.improve
+    )
+    reports = {"hierarchy": _plain(selection.report), "improve": _plain(report)}
+    return points, triangles, selection.domain, reports
+
+
+# ---- 7. check: the tide on the mesh ---------------------------------------------
+
+
+def check_mesh_tide(context: Context) -> dict[str, Any]:
+    """Solve the tide again on the mesh; set it beside the base grid and the gauges."""
+    base, base_tide = context["base_grid"], context["tide"]
+    mesh = context["mesh"]
+    tide = _solve(context, mesh)
+    context.progress(0.5)
+    series = truncation.momentum_series(mesh, tide, _least_squares(context.case))
+    spacing = node_spacing(mesh.points, mesh.triangles)
+    error = truncation.error_at(series, spacing)
+    context.progress(0.9)
+    context.report["tide"] = _tide_report(mesh, tide, context)
+    context.report["against_base_grid"] = compare_with_base(
+        context.case, context["domain"], base, base_tide, mesh, tide
+    )
+    if "forcing.gauges" in context.files:
+        table = read_tide_table(context.files["forcing.gauges"])
+        context.report["gauges"] = compare_with_gauges(mesh, tide, table)
+    fields = tide_fields(tide) + [
+        Field(
+            f"truncation_error_{name}",
+            error[c],
+            "m s-2",
+            f"{name} truncation error at the mesh's spacing",
+        )
+        for c, name in enumerate(tide.names)
+    ]
+    write_ugrid(context.path("mesh_tide.nc"), mesh, fields, title=context.case.title)
+    return {"tide": tide, "error": error}
+
+
+def _least_squares(case: Case):
+    # A graded mesh has no lattice for the published molecules.
+    return msgspec_replace(case.truncation, derivatives="least_squares")
+
+
+def msgspec_replace(settings: Any, **changes: Any) -> Any:
+    """Settings with some fields changed."""
+    import msgspec
+
+    return msgspec.structs.replace(settings, **changes)
+
+
+def compare_with_base(
+    case: Case,
+    domain: Domain,
+    base: CoastalMesh,
+    base_tide: TideSolution,
+    mesh: CoastalMesh,
+    tide: TideSolution,
+) -> dict[str, Any]:
+    """Relative L2 difference of the complex elevation on the nodes of the base grid.
+
+    Over all nodes, and outside the near-shore strip, where the paper compares.
+    """
+    locator = locate.Locator(mesh.points, mesh.triangles)
+    there = locator.interpolate(tide.elevation, base.points)
+    area = np.bincount(
+        base.triangles.ravel(),
+        np.repeat(quality.area(base.points, base.triangles) / 3.0, 3),
+        len(base.points),
+    )
+    offshore = boundary.distance_to_land(domain, base.points) > (
+        case.hierarchy.strip_width_m
+    )
+    report: dict[str, Any] = {"strip_width_m": case.hierarchy.strip_width_m}
+    for c, name in enumerate(tide.names):
+        report[name] = {
+            "relative_l2": _relative_l2(there[c], base_tide.elevation[c], area),
+            "relative_l2_outside_strip": _relative_l2(
+                there[c][offshore], base_tide.elevation[c][offshore], area[offshore]
+            ),
+        }
+    report["base_nodes_per_node"] = len(base.points) / len(mesh.points)
+    return report
+
+
+def _relative_l2(ours: np.ndarray, reference: np.ndarray, weight: np.ndarray) -> float:
+    size = float(weight @ np.abs(reference) ** 2)
+    return math.sqrt(float(weight @ np.abs(ours - reference) ** 2) / size)
+
+
+def compare_with_gauges(
+    mesh: CoastalMesh, tide: TideSolution, table, *, farthest_m: float = 3000.0
+) -> list[dict[str, Any]]:
+    """Modelled and observed constants at the gauges that lie in or near the mesh."""
+    places = mesh.projection.forward(table.longitude_deg, table.latitude_deg)
+    locator = locate.Locator(mesh.points, mesh.triangles)
+    _, _, distance = locator.nearest(places)
+    model = locator.interpolate(tide.elevation, places)
+    rows = []
+    for c, name in enumerate(tide.names):
+        if name not in table.names:
+            continue
+        observed = table.elevation[table.names.index(name)]
+        for g in np.flatnonzero((distance <= farthest_m) & np.isfinite(observed)):
+            rows.append(
+                {
+                    "gauge": table.stations[g] if table.stations else str(g),
+                    "constituent": name,
+                    "longitude_deg": float(table.longitude_deg[g]),
+                    "latitude_deg": float(table.latitude_deg[g]),
+                    "observed_m": float(abs(observed[g])),
+                    "modelled_m": float(abs(model[c, g])),
+                    "observed_phase_deg": _phase(observed[g]),
+                    "modelled_phase_deg": _phase(model[c, g]),
+                    "complex_error_m": float(abs(model[c, g] - observed[g])),
+                }
+            )
+    return rows
+
+
+def _phase(value: complex) -> float:
+    return float(-np.angle(value, deg=True) % 360.0)
+
+
+# ---- small helpers --------------------------------------------------------------
+
+
+def _range(values: np.ndarray) -> list[float]:
+    return [float(np.min(values)), float(np.max(values))]
+
+
+def _plain(report: Any) -> Any:
+    """Dataclasses and named tuples as dictionaries, arrays left out."""
+    if dataclasses.is_dataclass(report):
+        report = {
+            f.name: getattr(report, f.name) for f in dataclasses.fields(report)
+        }
+    elif hasattr(report, "_asdict"):
+        report = report._asdict()
+    if isinstance(report, dict):
+        return {
+            str(k): _plain(v)
+            for k, v in report.items()
+            if not isinstance(v, np.ndarray)
+        }
+    if isinstance(report, list | tuple):
+        return [_plain(v) for v in report]
+    if isinstance(report, np.generic):
+        return report.item()
+    return report
+
+
+STAGES = (
+    Stage("domain", make_domain, ("domain",), ("domain.",)),
+    Stage(
+        "base_grid",
+        make_base_grid,
+        ("title", "domain", "base_grid", "depth"),
+        ("depth.",),
+        ("domain",),
+    ),
+    Stage(
+        "tide", solve_base_tide, ("title", "tide"), ("forcing.table",), ("base_grid",)
+    ),
+    Stage(
+        "truncation",
+        measure_error,
+        ("title", "truncation", "base_grid"),
+        (),
+        ("base_grid", "tide"),
+    ),
+    Stage(
+        "sizing",
+        choose_sizes,
+        ("title", "base_grid", "truncation", "sizing", "hierarchy", "improve"),
+        (),
+        ("domain", "base_grid", "tide", "truncation"),
+    ),
+    Stage(
+        "mesh",
+        make_mesh,
+        ("title", "domain", "hierarchy", "improve", "depth"),
+        ("depth.",),
+        ("domain", "base_grid", "sizing"),
+    ),
+    Stage(
+        "check",
+        check_mesh_tide,
+        ("title", "tide", "truncation", "hierarchy"),
+        ("forcing.",),
+        ("domain", "base_grid", "tide", "mesh"),
+    ),
+)
