@@ -306,11 +306,13 @@ def _overlap_problems(
     """
     rings = boundary_rings(triangles)
     outer = [ring for ring in rings if ring_area(points, ring) > 0.0]
-    polygons = shapely.polygons([shapely.linearrings(points[ring]) for ring in outer])
     holes = [ring for ring in rings if ring_area(points, ring) <= 0.0]
-    gaps = shapely.polygons([shapely.linearrings(points[ring]) for ring in holes])
-    covered = shapely.area(shapely.union_all(shapely.make_valid(polygons)))
-    missing = shapely.area(shapely.union_all(shapely.make_valid(gaps)))
+    covered, missing = (
+        shapely.union_all(
+            [shapely.make_valid(shapely.Polygon(points[ring])) for ring in part]
+        ).area
+        for part in (outer, holes)
+    )
     if abs(covered - missing - total) <= 1e-9 * total:
         return []
     return [Problem("overlapping triangles", None, np.empty(0, dtype=np.int64))]
