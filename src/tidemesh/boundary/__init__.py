@@ -1,1 +1,7 @@
-"""To be filled."""
+"""From a shoreline to the domain (paper, section 3.1)."""
+
+from tidemesh.boundary.domain import build_domain
+from tidemesh.boundary.settings import DomainSettings
+from tidemesh.boundary.spacing import enforce_spacing
+
+__all__ = ["DomainSettings", "build_domain", "enforce_spacing"]

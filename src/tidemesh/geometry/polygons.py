@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import shapely
-from shapely import Geometry, LinearRing, Polygon
+from shapely import Geometry, LinearRing, MultiPolygon, Polygon
 
 
 def ring_area(points: np.ndarray) -> float:
@@ -38,6 +38,11 @@ def polygon_parts(geometry: Geometry | None) -> list[Polygon]:
         parts = shapely.get_parts(parts)
     parts = shapely.get_parts(parts)
     return [p for p in parts if p.geom_type == "Polygon" and p.area > 0.0]
+
+
+def polygonal(geometry: Geometry | None) -> MultiPolygon:
+    """The polygons of a geometry alone; overlays also leave lines and points."""
+    return MultiPolygon(polygon_parts(geometry))
 
 
 def polygon_rings(polygon: Polygon) -> list[np.ndarray]:

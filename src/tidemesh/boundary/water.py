@@ -1,0 +1,176 @@
+"""Water bodies: narrow parts found, the sea side of the open boundary chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+from shapely import Geometry, Polygon
+
+from tidemesh.boundary.plane import LocalRules
+from tidemesh.geometry.polygons import polygon_parts, polygonal
+
+_TOLERANCE = 0.02
+"""Share of the width within which water counts as wide enough: the openings are made
+of arcs of 5.6 degrees, which lie up to 0.12 % inside the true ones."""
+
+
+def narrow_parts(
+    water: Geometry,
+    rules: LocalRules,
+    *,
+    share: float = 1.0,
+    open_line: Geometry | None = None,
+    grid: float,
+) -> list[Polygon]:
+    """Parts of a water body narrower than the width set for their place.
+
+    Morphological opening finds all that a disc of that width cannot reach. Of this,
+    the rounding of corners is left alone: a part counts if it joins water at two or
+    more mouths, or reaches further from its mouth than it may be wide.
+
+    Parameters
+    ----------
+    water : geometry
+        Work coordinates.
+    rules : LocalRules
+        Widths by place.
+    share : float
+        Share of the widths to apply.
+    open_line : geometry, optional
+        Open boundary; parts at it are left, for the water goes on behind it.
+    grid : float
+        Coordinates closer than this are one.
+    """
+    found: list[Polygon] = []
+    for i, part in enumerate(rules.parts):
+        later = [other.polygon for other in rules.parts[i + 1 :]]
+        if part.width == 0.0:
+            continue
+        width = share * part.width
+        area = water
+        if part.polygon is not None:
+            around = part.polygon.buffer(3.0 * width)
+            area = polygonal(shapely.intersection(water, around, grid_size=grid))
+        parts = _narrower(area, width, open_line, grid)
+        if part.polygon is not None and parts:
+            parts = shapely.intersection(np.array(parts), part.polygon, grid_size=grid)
+        if later and len(parts):
+            elsewhere = shapely.union_all(later)
+            parts = shapely.difference(np.array(parts), elsewhere, grid_size=grid)
+        for piece in parts:
+            found += polygon_parts(piece)
+    return found
+
+
+def _narrower(
+    water: Geometry, width: float, open_line: Geometry | None, grid: float
+) -> list[Polygon]:
+    radius = 0.5 * width
+    wide = water.buffer(-radius).buffer(radius + _TOLERANCE * width)
+    if wide.is_empty:
+        return polygon_parts(water)
+    rest = polygon_parts(shapely.difference(water, wide, grid_size=grid))
+    if not rest:
+        return []
+    rest = np.array(rest)
+    if open_line is not None:
+        shapely.prepare(open_line)
+        rest = rest[~shapely.dwithin(rest, open_line, 2.0 * grid)]
+    shapely.prepare(wide)
+    corners, owner = shapely.get_coordinates(rest, return_index=True)
+    far = ~shapely.dwithin(wide, shapely.points(corners), width)
+    deep = np.bincount(owner, weights=far, minlength=len(rest)) > 0
+    candidates = np.flatnonzero(~deep)
+    # Only what is long enough to lie between two mouths is worth the overlay.
+    shore = shapely.boundary(rest[candidates])
+    mouths = shapely.line_merge(
+        shapely.intersection(shore, wide.boundary, grid_size=grid)
+    )
+    passage = np.zeros(len(rest), dtype=bool)
+    passage[candidates] = _count_lines(mouths, grid) >= 2
+    return list(rest[deep | passage])
+
+
+def _count_lines(geometries: np.ndarray, grid: float) -> np.ndarray:
+    parts, owner = shapely.get_parts(geometries, return_index=True)
+    lines = shapely.length(parts) > 10.0 * grid
+    return np.bincount(owner[lines], minlength=len(geometries))
+
+
+def without(water: Geometry, parts: Sequence[Geometry], grid: float) -> Geometry:
+    """Water less the given parts."""
+    if not len(parts):
+        return water
+    return polygonal(
+        shapely.difference(water, shapely.union_all(parts), grid_size=grid)
+    )
+
+
+def inside_limit(
+    water: Geometry, limit: Polygon, edge: Geometry, grid: float
+) -> tuple[list[Polygon], list[Polygon]]:
+    """Split water at the seaward limit.
+
+    Parameters
+    ----------
+    water : geometry
+        All water in the box.
+    limit : Polygon
+        Polygon of the seaward limit.
+    edge : geometry
+        Outline of the box.
+    grid : float
+
+    Returns
+    -------
+    bodies : list of Polygon
+        Water inside the limit, with those bays behind it that have no other way out:
+        a circle that cuts across the head of a bay does not close it.
+    outside : list of Polygon
+        The sea outside.
+    """
+    inner = polygon_parts(shapely.intersection(water, limit, grid_size=grid))
+    outer = polygon_parts(shapely.difference(water, limit, grid_size=grid))
+    shapely.prepare(edge)
+    shapely.prepare(limit)
+    sea = [p for p in outer if shapely.dwithin(edge, p, 2.0 * grid)]
+    bays = [
+        p
+        for p in outer
+        if not shapely.dwithin(edge, p, 2.0 * grid)
+        and shapely.dwithin(limit, p, 2.0 * grid)
+    ]
+    if bays:
+        inner = polygon_parts(shapely.union_all(inner + bays, grid_size=grid))
+    return inner, sea
+
+
+def on_line(points: np.ndarray, line: Geometry, tolerance: float) -> np.ndarray:
+    """Segments of a closed ring that lie on a line: (n, 2) -> (n,) bool."""
+    shapely.prepare(line)
+    middle = 0.5 * (points + np.roll(points, -1, axis=0))
+    at = shapely.dwithin(line, shapely.points(points), tolerance)
+    at &= np.roll(at, -1)
+    at[at] = shapely.dwithin(line, shapely.points(middle[at]), tolerance)
+    return at
+
+
+def runs(kind: np.ndarray) -> list[tuple[int, int]]:
+    """Runs of equal segments around a ring as (first segment, count), in order.
+
+    A ring of one kind is a single run from segment 0.
+
+    Examples
+    --------
+    >>> runs(np.array([1, 0, 0, 1]))
+    [(3, 2), (1, 2)]
+    """
+    change = np.flatnonzero(kind != np.roll(kind, 1))
+    if not len(change):
+        return [(0, len(kind))]
+    ends = np.append(change[1:], change[0] + len(kind))
+    found = [(int(a), int(b - a)) for a, b in zip(change, ends)]
+    # The run that passes over the start of the ring comes first.
+    return found if change[0] == 0 else found[-1:] + found[:-1]
