@@ -96,8 +96,8 @@ class DepthSource(msgspec.Struct, **_STRICT):
 class DepthSettings(msgspec.Struct, **_STRICT):
     """Where the depths come from, and how they are put on nodes."""
 
-    sources: Annotated[tuple[DepthSource, ...], msgspec.Meta(min_length=1)]
-    """The first that knows a place decides."""
+    sources: tuple[DepthSource, ...] = ()
+    """In order of priority: the first that knows a place decides."""
     minimum_m: _Positive = 1.5
     """Least depth: below it a linear tide would run dry at low water here."""
     land: Literal["drop", "minimum", "use"] = "drop"

@@ -139,7 +139,7 @@ def _is_flag(variable: netCDF4.Variable) -> bool:
 
 
 def _axes(dataset: netCDF4.Dataset, variable: netCDF4.Variable):
-    """Axis of x, axis of y and whether x comes first; None if there are no such axes."""
+    """Axis of x, axis of y, whether x comes first; None if there are no such axes."""
     if variable.ndim < 2 or any(n != 1 for n in variable.shape[:-2]):
         return None
     if getattr(variable.dtype, "kind", "O") not in "iuf":

@@ -194,9 +194,7 @@ def _numbers(path, text, first_line, separator, columns) -> np.ndarray:
         raise InputError(f"{path}: has a header and no soundings")
     if not np.isfinite(values[:, :2]).all():
         at = int(np.flatnonzero(~np.isfinite(values[:, :2]).all(axis=1))[0])
-        raise InputError(
-            f"{path}: sounding {at + 1} has no position ({x[at]}, {y[at]})"
-        )
+        raise InputError(f"{path}: sounding {at + 1} has no position: {values[at, :2]}")
     return values.T
 
 
