@@ -1,0 +1,154 @@
+"""What every map shares: coordinates, axes, outlines, colour bars, zoomed insets."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colorbar import Colorbar
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
+from matplotlib.tri import Triangulation
+
+from tidemesh.datatypes import CoastalMesh
+from tidemesh.geometry.projection import Projection
+from tidemesh.triangulation import topology
+
+# The colours of Okabe and Ito, which colour-blind readers can tell apart.
+BLACK = "#000000"
+ORANGE = "#E69F00"
+SKY_BLUE = "#56B4E9"
+GREEN = "#009E73"
+YELLOW = "#F0E442"
+BLUE = "#0072B2"
+VERMILION = "#D55E00"
+PURPLE = "#CC79A7"
+GREY = "#808080"
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Coordinates in which a map is drawn: degrees, or km on the bare plane."""
+
+    projection: Projection
+
+    @property
+    def geographic(self) -> bool:
+        """Whether the axes are longitude and latitude."""
+        return bool(self.projection.crs)
+
+    def place(self, points: np.ndarray) -> np.ndarray:
+        """Metres to map coordinates: (n, 2) -> (n, 2)."""
+        points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
+        if self.geographic:
+            return self.projection.inverse(points)
+        return points / 1000.0
+
+    def place_degrees(self, points: np.ndarray) -> np.ndarray:
+        """Longitude and latitude to map coordinates (metres on the bare plane)."""
+        points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
+        return points if self.geographic else points / 1000.0
+
+    def triangulation(self, points: np.ndarray, triangles: np.ndarray) -> Triangulation:
+        """Triangulation in map coordinates."""
+        x, y = self.place(points).T
+        return Triangulation(x, y, triangles)
+
+    def decorate(self, axis: Axes, points: np.ndarray) -> None:
+        """Set the aspect, limits and labels of an axis that shows these map points."""
+        low, high = np.min(points, axis=0), np.max(points, axis=0)
+        margin = 0.02 * np.maximum(*(high - low))
+        stretch = 1.0
+        if self.geographic:
+            stretch = 1.0 / math.cos(math.radians(0.5 * (low[1] + high[1])))
+            axis.xaxis.set_major_formatter(FuncFormatter(longitude_label))
+            axis.yaxis.set_major_formatter(FuncFormatter(latitude_label))
+            axis.set_xlabel("longitude")
+            axis.set_ylabel("latitude")
+        else:
+            axis.set_xlabel("x (km)")
+            axis.set_ylabel("y (km)")
+        axis.set_xlim(low[0] - margin * stretch, high[0] + margin * stretch)
+        axis.set_ylim(low[1] - margin, high[1] + margin)
+        axis.set_aspect(stretch)
+
+
+def longitude_label(value: float, _position: int | None = None) -> str:
+    """Degrees east or west, for instance 79.5°W."""
+    return _degrees(value, "E", "W")
+
+
+def latitude_label(value: float, _position: int | None = None) -> str:
+    """Degrees north or south, for instance 33°N."""
+    return _degrees(value, "N", "S")
+
+
+def _degrees(value: float, positive: str, negative: str) -> str:
+    letter = positive if value > 0 else negative if value < 0 else ""
+    return f"{abs(round(value, 6)):g}°{letter}"
+
+
+def new_axis(axis: Axes | None) -> Axes:
+    """Take the given axis, or that of a new figure."""
+    if axis is not None:
+        return axis
+    return Figure(figsize=(8.0, 7.0), layout="constrained").subplots()
+
+
+def draw_outline(axis: Axes, mesh: CoastalMesh, frame: Frame, width: float = 0.8):
+    """Draw the boundary of a mesh, land dark and open sea blue."""
+    xy = frame.place(mesh.points)
+    edge = topology.boundary_edges(mesh.triangles)
+    at_sea = _open_edges(mesh, edge)
+    for part, colour in ((~at_sea, BLACK), (at_sea, BLUE)):
+        lines = LineCollection(xy[edge[part]], colors=colour, linewidths=width)
+        axis.add_collection(lines, autolim=False)
+
+
+def _open_edges(mesh: CoastalMesh, edge: np.ndarray) -> np.ndarray:
+    size = len(mesh.points)
+    runs = [
+        np.stack([b.nodes[:-1], b.nodes[1:]], axis=1)
+        for b in mesh.boundaries
+        if b.kind == "open"
+    ]
+    if not runs:
+        return np.zeros(len(edge), dtype=bool)
+    sea = np.sort(np.concatenate(runs), axis=1)
+    both = np.sort(edge, axis=1)
+    return np.isin(both[:, 0] * size + both[:, 1], sea[:, 0] * size + sea[:, 1])
+
+
+def draw_nodal_values(axis: Axes, triangulation: Triangulation, values, **style):
+    """Shade nodal values; triangles with an undefined node stay blank."""
+    values = np.asarray(values, dtype=np.float64)
+    undefined = ~np.isfinite(values)
+    if undefined.any():
+        triangulation = Triangulation(
+            triangulation.x, triangulation.y, triangulation.triangles
+        )
+        triangulation.set_mask(undefined[triangulation.triangles].any(axis=1))
+    return axis.tripcolor(
+        triangulation, np.where(undefined, 0.0, values), shading="gouraud", **style
+    )
+
+
+def add_colour_bar(axis: Axes, mappable, label: str, **options) -> Colorbar:
+    """Colour bar beside a map, as tall as the map."""
+    bar = axis.figure.colorbar(
+        mappable, ax=axis, label=label, shrink=0.85, pad=0.02, aspect=30, **options
+    )
+    bar.ax.minorticks_off()
+    return bar
+
+
+def round_steps(low: float, high: float) -> np.ndarray:
+    """1, 2, 5, 10, 20 ... from at most `low` to at least `high`, both positive."""
+    decades = np.arange(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    steps = np.outer(10.0**decades, [1.0, 2.0, 5.0]).ravel()
+    first = np.searchsorted(steps, low * (1.0 + 1e-9), side="right") - 1
+    last = np.searchsorted(steps, high * (1.0 - 1e-9), side="left")
+    return steps[max(first, 0) : last + 1]
