@@ -25,7 +25,7 @@ def test_exact_on_polynomials_at_every_node(mesh, degree):
     # Degree 6 is too much for a few patches between the island and the irregular
     # points about it.
     whole = fit.complete == degree
-    assert whole.all() if degree < 6 else whole.mean() > 0.98
+    assert whole.all() if degree < 6 else whole.mean() > 0.95
     assert fit.known.all()
     for a in range(degree + 1):
         b = degree - a

@@ -173,3 +173,20 @@ def fit_patches(
                     found[s] -= row[c] * other[s]
             for s in range(sides):
                 found[s] /= diagonal[j]
+
+
+@njit(cache=True)
+def evaluate(coefficients, rows, offset, parent, by_x, values):
+    """Values of polynomials ``rows`` at offsets from their nodes."""
+    terms = parent.shape[0]
+    monomials = np.ones(terms)
+    for k in range(rows.shape[0]):
+        for t in range(1, terms):
+            monomials[t] = monomials[parent[t]] * offset[k, 0 if by_x[t] else 1]
+        found = values[k]
+        for s in range(found.shape[0]):
+            found[s] = 0.0
+        for t in range(terms):
+            term = coefficients[rows[k], t]
+            for s in range(found.shape[0]):
+                found[s] += monomials[t] * term[s]

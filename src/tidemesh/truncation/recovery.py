@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from math import ceil, factorial, sqrt
 
 import numpy as np
@@ -57,18 +56,11 @@ class LocalPolynomials:
 
     def values_at(self, rows: np.ndarray, offset: np.ndarray) -> np.ndarray:
         """Values of polynomials ``rows`` (n,) at offsets (n, 2) m: (k, n)."""
-        monomials = np.ones((len(rows), 1, self.coefficients.shape[1]))
-        for d in range(1, self.degree + 1):
-            before = slice(index(d - 1, 0), index(d, 0))
-            monomials[:, 0, index(d, 0)] = (
-                monomials[:, 0, index(d - 1, 0)] * offset[:, 0]
-            )
-            monomials[:, 0, index(d, 0) + 1 : index(d + 1, 0)] = (
-                monomials[:, 0, before] * offset[:, 1:]
-            )
         real = self.coefficients.view(np.float64)
-        found = np.matmul(monomials, real[rows])[:, 0]
-        return found.view(self.coefficients.dtype).T
+        values = np.empty((len(rows), real.shape[2]))
+        parent, by_x = _monomials(self.degree)
+        _kernels.evaluate(real, rows, offset, parent, by_x, values)
+        return values.view(self.coefficients.dtype).T
 
 
 def index(a: int, b: int) -> int:
@@ -153,15 +145,19 @@ class PolynomialFit:
         values = np.atleast_2d(np.asarray(values))
         if nodes is None:
             nodes = np.arange(len(self.points))
-        parts = [part for _, part in self.fit_in_chunks(values, nodes)]
-        if len(parts) == 1:
-            return parts[0]
-        return LocalPolynomials(
+        shape = (len(nodes), term_count(self.degree), len(values))
+        kind = np.complex128 if np.iscomplexobj(values) else np.float64
+        whole = LocalPolynomials(
             self.degree,
-            np.concatenate([part.coefficients for part in parts]),
-            np.concatenate([part.complete for part in parts]),
-            np.concatenate([part.rank for part in parts]),
+            np.empty(shape, dtype=kind),
+            np.empty(len(nodes), dtype=np.int8),
+            np.empty(len(nodes), dtype=np.int16),
         )
+        for some, part in self.fit_in_chunks(values, nodes):
+            whole.coefficients[some] = part.coefficients
+            whole.complete[some] = part.complete
+            whole.rank[some] = part.rank
+        return whole
 
     def fit_in_chunks(
         self, values: np.ndarray, nodes: np.ndarray | None = None
@@ -254,7 +250,7 @@ class PolynomialFit:
         *,
         turn: bool,
     ) -> tuple[np.ndarray, np.ndarray]:
-        parent, by_x = self._monomials
+        parent, by_x = _monomials(self.degree)
         frame = np.empty((len(patches), 5))
         kept = np.empty((len(patches), len(parent)), dtype=np.bool_)
         solution = np.empty((len(patches), len(parent), columns.shape[1]))
@@ -287,15 +283,6 @@ class PolynomialFit:
         solution /= (radius[:, None] ** power)[:, :, None]
         return solution, kept
 
-    @cached_property
-    def _monomials(self) -> tuple[np.ndarray, np.ndarray]:
-        """Of every monomial: which one it is a multiple of, and whether by x."""
-        parent, by_x = [0], [True]
-        for d in range(1, self.degree + 1):
-            parent += [index(d - 1, 0)] + [index(d - 1 - b, b) for b in range(d)]
-            by_x += [True] + [False] * d
-        return np.array(parent), np.array(by_x)
-
 
 def fit_polynomials(
     points: np.ndarray,
@@ -320,6 +307,15 @@ def fit_polynomials(
     """
     fit = PolynomialFit(points, triangles, degree, patch_points=patch_points)
     return fit.fit(values)
+
+
+def _monomials(degree: int) -> tuple[np.ndarray, np.ndarray]:
+    """Of every monomial: which one it is a multiple of, and whether by x."""
+    parent, by_x = [0], [True]
+    for d in range(1, degree + 1):
+        parent += [index(d - 1, 0)] + [index(d - 1 - b, b) for b in range(d)]
+        by_x += [True] + [False] * d
+    return np.array(parent), np.array(by_x)
 
 
 def _shifted(
