@@ -45,31 +45,32 @@ def choose_nodes(points, minimum, added, factor, evenness):
                 break
             length = np.hypot(xj - xi, yj - yi)
             trial = cost[i]
+            # Outside the bounds: so dear that its closeness no longer matters.
             if length < least * (1.0 - 1e-9):
                 trial += 100.0 + 1000.0 * (1.0 - length / least) ** 2
             elif length > most * (1.0 + 1e-9):
+                if j > i + 1 and along > 2.5 * least:
+                    continue
                 trial += 100.0 + 1000.0 * (length / most - 1.0) ** 2
-            if trial >= cost[j]:
-                continue
-            unit = 0.5 * (minimum[i] + minimum[j])
-            trial += evenness * (length / unit - 1.25) ** 2
-            if added[j]:
-                trial += 0.01 * evenness
-            ux, uy = 1.0, 0.0
-            if length > 0.0:
+            else:
+                unit = 0.5 * (minimum[i] + minimum[j])
+                trial += evenness * (length / unit - 1.25) ** 2
+                if added[j]:
+                    trial += 0.01 * evenness
                 ux, uy = (xj - xi) / length, (yj - yi) / length
-            before = 0.0
-            for k in range(i + 1, j + 1):
-                dx, dy = points[k, 0] - xi, points[k, 1] - yi
-                t = min(max(dx * ux + dy * uy, 0.0), length)
-                square = (dx - t * ux) ** 2 + (dy - t * uy) ** 2
-                step = np.hypot(
-                    points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1]
-                )
-                trial += 0.5 * (before + square) * step / unit**3
-                before = square
-                if trial >= cost[j]:
-                    break
+                before = 0.0
+                for k in range(i + 1, j + 1):
+                    if trial >= cost[j]:
+                        break
+                    dx, dy = points[k, 0] - xi, points[k, 1] - yi
+                    t = min(max(dx * ux + dy * uy, 0.0), length)
+                    square = (dx - t * ux) ** 2 + (dy - t * uy) ** 2
+                    step = np.hypot(
+                        points[k, 0] - points[k - 1, 0],
+                        points[k, 1] - points[k - 1, 1],
+                    )
+                    trial += 0.5 * (before + square) * step / unit**3
+                    before = square
             if trial < cost[j]:
                 cost[j] = trial
                 previous[j] = i

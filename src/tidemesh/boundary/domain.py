@@ -91,9 +91,8 @@ def build_domain(
     limit = shapely.set_precision(limit, grid)
     bodies, _ = inside_limit(water, limit, edge, grid)
     body = _choose_body(bodies, line, box, settings, plane, grid)
-    _check_ends(body, line, edge, plane, grid)
     ledger += _lost_water(body, bodies, narrow, line, limit, plane, grid)
-    ledger += _closed_at_the_box(body, line, edge, plane, grid)
+    ledger += _check_the_box(body, line, edge, plane, grid)
 
     body, entries = _drop_islands(body, islets, line, rules, plane, grid)
     ledger += entries
@@ -228,6 +227,8 @@ def _choose_body(
 
 def _open_length(body: Polygon, line: Geometry, grid: float) -> float:
     total = 0.0
+    if not shapely.dwithin(line, body, 3.0 * grid):
+        return total
     for ring in polygon_rings(body):
         at = on_line(ring, line, 3.0 * grid)
         total += np.hypot(*(np.roll(ring, -1, axis=0) - ring)[at].T).sum()
@@ -246,25 +247,6 @@ def _misses_the_sea(line: Geometry, box: Polygon, plane: WorkPlane) -> str:
         f"the open boundary ({extent}) never touches the sea: in the box it runs over "
         "land only. Check its place, the sign of the longitude and the shoreline"
     )
-
-
-def _check_ends(
-    body: Polygon, line: Geometry, edge: Geometry, plane: WorkPlane, grid: float
-) -> None:
-    """Refuse an open string that ends at the box and not at land."""
-    for ring in polygon_rings(body):
-        is_open = on_line(ring, line, 3.0 * grid)
-        at_box = on_line(ring, edge, 3.0 * grid) & ~is_open
-        after = is_open & np.roll(at_box, -1)
-        before = is_open & np.roll(at_box, 1)
-        ends = np.concatenate([np.roll(ring, -1, axis=0)[after], ring[before]])
-        if len(ends):
-            place = _shown(plane.to_degrees(ends[:1])[0])
-            raise InputError(
-                f"the open boundary leaves the box at {place} without meeting land: "
-                "enlarge box_deg, move the boundary, or name the neighbouring edge of "
-                "the box as ocean too"
-            )
 
 
 def _lost_water(
@@ -303,7 +285,7 @@ def _lost_water(
                 else "joined to the domain by removed narrow water only"
             )
         else:
-            if shapely.dwithin(piece, line, 2.0 * grid):
+            if shapely.dwithin(line, piece, 2.0 * grid):
                 piece = shapely.intersection(piece, limit, grid_size=grid)
             action = "narrow water removed"
             reason = "narrower than the width set here"
@@ -312,24 +294,34 @@ def _lost_water(
     return sorted(entries, key=_by_place)
 
 
-def _closed_at_the_box(
+def _check_the_box(
     body: Polygon, line: Geometry, edge: Geometry, plane: WorkPlane, grid: float
 ) -> list[LedgerEntry]:
+    """Refuse an open string that ends at the box; list other water closed there."""
     entries = []
     for ring in polygon_rings(body):
-        closed = on_line(ring, edge, 3.0 * grid) & ~on_line(ring, line, 3.0 * grid)
-        for first, count in runs(closed):
-            if closed[first]:
+        at_box = on_line(ring, edge, 3.0 * grid)
+        if not at_box.any():
+            continue
+        is_open = on_line(ring, line, 3.0 * grid)
+        at_box &= ~is_open
+        after = is_open & np.roll(at_box, -1)
+        before = is_open & np.roll(at_box, 1)
+        ends = np.concatenate([np.roll(ring, -1, axis=0)[after], ring[before]])
+        if len(ends):
+            raise InputError(
+                "the open boundary leaves the box at "
+                f"{_shown(plane.to_degrees(ends[:1])[0])} without meeting land: "
+                "enlarge box_deg, move the boundary, or name the neighbouring edge of "
+                "the box as ocean too"
+            )
+        for first, count in runs(at_box):
+            if at_box[first]:
                 middle = np.take(ring, [first + count // 2], axis=0, mode="wrap")
-                longitude, latitude = plane.to_degrees(middle)[0]
+                longitude, latitude = map(float, plane.to_degrees(middle)[0])
+                reason = "water goes on beyond the box; treated as land"
                 entries.append(
-                    LedgerEntry(
-                        "closed at the box",
-                        float(longitude),
-                        float(latitude),
-                        0.0,
-                        "water goes on beyond the box; treated as land",
-                    )
+                    LedgerEntry("closed at the box", longitude, latitude, 0.0, reason)
                 )
     return entries
 
