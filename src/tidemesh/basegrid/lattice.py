@@ -86,5 +86,6 @@ def _halved(keys: np.ndarray) -> np.ndarray:
     children = np.concatenate([2 * keys, *(2 * keys + step for step in _NEIGHBOURS)])
     low = children.min(axis=0)
     width = int(np.ptp(children[:, 0])) + 1
-    flat = np.unique((children[:, 1] - low[1]) * width + (children[:, 0] - low[0]))
+    flat = np.sort((children[:, 1] - low[1]) * width + (children[:, 0] - low[0]))
+    flat = flat[np.diff(flat, prepend=-1) > 0]
     return np.stack([flat % width, flat // width], axis=1) + low

@@ -79,7 +79,7 @@ def find_window(
             middle = 0.5 * (box[0] + box[2])
             x = x - 360.0 * np.floor((x - middle + 180.0) / 360.0)
         else:
-            x = x - 360.0 * np.floor((middle + 180.0) / 360.0)
+            x = x - 360.0 * np.ceil((middle - 180.0) / 360.0)
     columns, rows = np.argsort(x, kind="stable"), np.argsort(y, kind="stable")
     # The first and the last column of a global grid can be the same meridian.
     distinct = np.diff(x[columns], prepend=-np.inf) > 1e-9 * np.ptp(x)

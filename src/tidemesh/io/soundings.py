@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import io
+import warnings
 import zlib
 from pathlib import Path
 from typing import Literal
@@ -178,15 +179,18 @@ def _depth_column(
 def _numbers(path, text, first_line, separator, columns) -> np.ndarray:
     """(3, n) x, y, z; whole-file parse, line by line only to name a bad line."""
     try:
-        values = np.loadtxt(
-            io.StringIO(text),
-            delimiter=separator,
-            skiprows=first_line,
-            usecols=columns,
-            comments="#",
-            quotechar='"',
-            ndmin=2,
-        )
+        with warnings.catch_warnings():
+            # An empty table is told below, by name.
+            warnings.simplefilter("ignore", UserWarning)
+            values = np.loadtxt(
+                io.StringIO(text),
+                delimiter=separator,
+                skiprows=first_line,
+                usecols=columns,
+                comments="#",
+                quotechar='"',
+                ndmin=2,
+            )
     except (ValueError, IndexError):
         _name_bad_line(path, text, first_line, separator, columns)
         raise
