@@ -1,4 +1,4 @@
-"""Hierarchy of polyline segments: binary trees over arc length, walked level by level."""
+"""Hierarchy of polyline segments: binary trees over arc length, level by level."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def divide_lines(
         Target size at the points of the line with given arc lengths: (k,) -> (k,) m.
         It is asked at the middle of a piece, where the perpendicular bisector of the
         piece meets the line.
-    rule : {"graded", "strict"}
-        "strict": choose a piece shorter than its target. "graded": choose it below
+    rule : {"graded", "strict", "balanced"}
+        "strict": choose a piece shorter than its target. The others: choose it below
         twice the target, and halve it once more above 4/3 of the target.
     minimum_length : float
         m, pieces whose halves would be shorter are chosen whatever the target.
@@ -47,7 +47,7 @@ def divide_lines(
     """
     start = np.asarray(start, dtype=np.float64)
     end = np.asarray(end, dtype=np.float64)
-    limit = 2.0 * (1.0 - ROUNDING) if rule == "graded" else 1.0 + ROUNDING
+    limit = 1.0 + ROUNDING if rule == "strict" else 2.0 * (1.0 - ROUNDING)
     breaks = [start, end]
     for _ in range(MAXIMUM_LEVELS):
         if not len(start):
@@ -56,7 +56,7 @@ def divide_lines(
         target = np.asarray(size_at(middle), dtype=np.float64)
         too_fine = 0.5 * length < minimum_length * (1.0 - ROUNDING)
         chosen = (length < limit * target) | too_fine
-        if rule == "graded":
+        if rule != "strict":
             halved = length > 4.0 / 3.0 * (1.0 + ROUNDING) * target
             breaks.append(middle[chosen & halved & ~too_fine])
         breaks.append(middle[~chosen])

@@ -83,7 +83,7 @@ def select_points(
     shore = resample_rings(domain, spacing, settings)
     # 5. Planar hierarchy.
     water = _Water(shore.domain)
-    base = settings.root_size_m or _typical_spacing(water, shore.spacing)
+    base = settings.root_size_m or _typical_spacing(water, spacing)
     selection = select_triangles(
         water.bounds,
         base,
@@ -92,7 +92,7 @@ def select_points(
         minimum_edge=settings.minimum_size_m or 0.0,
         classify=water.classify,
     )
-    nodes, inside = lattice_nodes(selection, grading=settings.rule == "graded")
+    nodes, inside = lattice_nodes(selection, rule=settings.rule)
     interior = water.interior(nodes, inside, shore.spacing, settings.boundary_clearance)
     # 6-7. Its nodes and, if wanted, those of the strip along the shore.
     report = dict(shore.report)

@@ -15,10 +15,12 @@ class HierarchySettings(
 ):
     """How nodes are placed to follow a size function (paper, section 3.5)."""
 
-    rule: Literal["graded", "strict"] = "graded"
+    rule: Literal["balanced", "graded", "strict"] = "balanced"
     """"strict": a triangle is chosen when smaller than its target, as printed.
-    "graded": when smaller than twice its target, plus the 4/3 and 5/3 nodes, which
-    can only fire so (docs/method.md, reading 5)."""
+    "graded": when smaller than twice its target, plus a mid-side node above 4/3 and a
+    centre node above 5/3 of the target, which can only fire so (docs/method.md,
+    reading 5). "balanced": the same with the centre node from 4/3 on, which keeps the
+    triangles equilateral."""
     line_rule: Literal["equidistributed", "tree"] = "equidistributed"
     """Boundary lines: equal integrals of ds/size between fixed corners, smoother, or
     the binary tree of the paper."""
@@ -26,7 +28,7 @@ class HierarchySettings(
     """"resample": sizes to the shore. "keep": the shore and a strip of given nodes
     stay as they are, as published."""
     minimum_size_m: Positive | None = None
-    """m, no segment or triangle smaller than this; the paper's 300 m. None: no limit."""
+    """m, no segment or triangle is smaller; the paper's 300 m. None: no limit."""
     root_size_m: Positive | None = None
     """m, an edge of the lattice; None takes the spacing typical of the size function,
     so that a scaled function gives a scaled lattice."""

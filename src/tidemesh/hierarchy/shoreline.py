@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -636,7 +637,6 @@ def _domain(domain: Domain, lines: _Lines, segments: _Segments) -> Domain:
     kind = lines.kind[np.searchsorted(lines.arc, middle) - 1]
     ends = np.append(0, np.cumsum(segments.count))
     rings = tuple(
-        Ring(segments.points[segments.start[a:b]], kind[a:b])
-        for a, b in zip(ends[:-1], ends[1:])
+        Ring(segments.points[segments.start[a:b]], kind[a:b]) for a, b in pairwise(ends)
     )
     return replace(domain, rings=rings)

@@ -97,9 +97,9 @@ def select_triangles(
         of two.
     spacing : callable
         Target size at points: (n, 2) m -> (n,) m.
-    rule : {"graded", "strict"}
-        Choose below twice the target, or below the target (docs/method.md, reading
-        5). An edge equal to the target is below it.
+    rule : {"balanced", "graded", "strict"}
+        Choose below twice the target, or ("strict") below the target (docs/method.md,
+        reading 5). An edge equal to the target is below it.
     minimum_edge : float
         m, triangles whose children would be smaller are chosen whatever the target.
     classify : callable, optional
@@ -121,7 +121,7 @@ def select_triangles(
     edge = root_edge = base_edge * 2.0**doublings
     anchor = np.array([x0, y0])
     # At exactly twice the target the four children meet it exactly.
-    limit = 2.0 * (1.0 - ROUNDING) if rule == "graded" else 1.0 + ROUNDING
+    limit = 1.0 + ROUNDING if rule == "strict" else 2.0 * (1.0 - ROUNDING)
 
     triangles = _roots(x1 - x0, y1 - y0, edge)
     levels: list[Triangles] = []
@@ -151,13 +151,16 @@ def select_triangles(
 
 
 def lattice_nodes(
-    selection: TriangleSelection, *, grading: bool = True
+    selection: TriangleSelection, *, rule: str = "graded"
 ) -> tuple[np.ndarray, np.ndarray]:
     """Nodes of the chosen triangles: corners and grading nodes, each once.
 
-    A triangle with an edge above 4/3 of its target gets one node, on its horizontal
-    side; above 5/3 one at its centre instead (paper, section 3.5). A centre node is
-    left out where a finer neighbour's corner already divides a side.
+    With the rule "graded" a triangle with an edge above 4/3 of its target gets one
+    node, on its horizontal side; above 5/3 one at its centre instead (paper, section
+    3.5). With "balanced" it gets the centre node above 4/3 already: a lattice and its
+    centres are an equilateral lattice again, a lattice and its horizontal midpoints
+    are not. "strict" has no such triangles. A centre node is left out where a finer
+    neighbour's corner already divides a side.
 
     Returns
     -------
@@ -174,8 +177,8 @@ def lattice_nodes(
         for corner in range(3)
     ]
     keys = np.sort(np.concatenate(corner_keys))
-    if grading:
-        extra = _grading_keys(selection, keys >> 1)
+    if rule != "strict":
+        extra = _grading_keys(selection, keys >> 1, rule)
         if len(extra):
             keys = np.sort(np.concatenate([keys, extra]))
     # The lowest bit is clear where the triangle is inside, so a node's first key
@@ -187,13 +190,16 @@ def lattice_nodes(
     return _positions(keys >> 1, selection.anchor, unit), (keys & 1) == 0
 
 
-def _grading_keys(selection: TriangleSelection, corners: np.ndarray) -> np.ndarray:
+def _grading_keys(
+    selection: TriangleSelection, corners: np.ndarray, rule: str
+) -> np.ndarray:
     finest = len(selection.levels) - 1
     keys = [np.empty(0, dtype=np.int64)]
     for level, triangles in enumerate(selection.levels):
         ratio = selection.root_edge * 0.5**level / selection.targets[level]
-        centre = ratio > 5.0 / 3.0
-        middle = (ratio > 4.0 / 3.0 * (1.0 + ROUNDING)) & ~centre
+        graded = ratio > 4.0 / 3.0 * (1.0 + ROUNDING)
+        centre = graded if rule == "balanced" else ratio > 5.0 / 3.0
+        middle = graded & ~centre
         for mask, number in ((middle, 2), (centre, 3)):
             chosen = triangles.where(mask)
             ends = [_corner(chosen, corner, finest - level) for corner in range(3)]

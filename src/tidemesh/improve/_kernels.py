@@ -1,4 +1,4 @@
-"""Loops over triangles and nodes: adjacency, edge flips, node moves.
+"""Loops over triangles and nodes: neighbours, side flips, node moves.
 
 Plain arrays only. Neighbour k of a triangle lies across the side opposite corner k.
 """
@@ -8,339 +8,171 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-SQRT3 = 1.7320508075688772
+# Nodes with more neighbours than this stay where they are.
+MOST_NEIGHBOURS = 64
 
 
-@njit(cache=True)
-def adjacency(triangles, n_points):
-    """Neighbours (n_triangles, 3), -1 for none, and the triangles of every node.
-
-    Returns ``neighbours, first, member``: node i has the corners
-    ``member[first[i]:first[i + 1]]``, each ``3 * triangle + corner``.
-    """
-    n = len(triangles)
-    first = np.zeros(n_points + 1, np.int64)
-    for t in range(n):
-        for k in range(3):
-            first[triangles[t, k] + 1] += 1
-    for i in range(n_points):
-        first[i + 1] += first[i]
-    place = first[:-1].copy()
-    member = np.empty(3 * n, np.int64)
-    for t in range(n):
-        for k in range(3):
-            i = triangles[t, k]
-            member[place[i]] = 3 * t + k
-            place[i] += 1
-    neighbours = np.full((n, 3), -1, np.int64)
-    for t in range(n):
-        for k in range(3):
-            a = triangles[t, (k + 1) % 3]
-            b = triangles[t, (k + 2) % 3]
-            if neighbours[t, k] >= 0:
-                continue
-            # The neighbour runs through the side from b to a.
-            for m in range(first[b], first[b + 1]):
-                other = member[m] // 3
-                corner = member[m] % 3
-                if triangles[other, (corner + 1) % 3] == a:
-                    neighbours[t, k] = other
-                    neighbours[other, (corner + 2) % 3] = t
-                    break
-    return neighbours, first, member
+@njit(cache=True, error_model="numpy")
+def find_neighbours(triangles, n_points):
+    """Neighbours of every triangle: (n_triangles, 3), -1 on the boundary."""
+    neighbours = np.full(triangles.shape, -1)
+    # Sides still without a partner, chained by their smaller node.
+    newest = np.full(n_points, -1)
+    before = np.empty(triangles.size, np.int64)
+    for side in range(triangles.size):
+        t, k = side // 3, side % 3
+        a, b = triangles[t, (k + 1) % 3], triangles[t, (k + 2) % 3]
+        low = min(a, b)
+        other = newest[low]
+        while other >= 0 and (
+            neighbours[other // 3, other % 3] >= 0
+            or triangles[other // 3, (other % 3 + 1) % 3] != b
+            or triangles[other // 3, (other % 3 + 2) % 3] != a
+        ):
+            other = before[other]
+        if other >= 0:
+            neighbours[t, k] = other // 3
+            neighbours[other // 3, other % 3] = t
+        else:
+            before[side] = newest[low]
+            newest[low] = side
+    return neighbours
 
 
-@njit(cache=True, inline="always")
-def _quality(ax, ay, bx, by, cx, cy):
-    """Shape quality q of one triangle."""
-    ux, uy = bx - ax, by - ay
-    vx, vy = cx - ax, cy - ay
-    wx, wy = cx - bx, cy - by
-    squares = ux * ux + uy * uy + vx * vx + vy * vy + wx * wx + wy * wy
-    return 2.0 * SQRT3 * (ux * vy - uy * vx) / squares
+@njit(cache=True, error_model="numpy")
+def _opening(points, a, b, c):
+    """Scaled cosine and sine of the angle at a, from b to c."""
+    ux, uy = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
+    vx, vy = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1]
+    return ux * vx + uy * vy, ux * vy - uy * vx
 
 
-@njit(cache=True)
-def flip(points, triangles, neighbours, by_quality, maximum_sweeps):
-    """Flip sides in place; return the number of flips.
+@njit(cache=True, error_model="numpy")
+def flip_to_delaunay(points, triangles, neighbours, maximum_sweeps):
+    """Flip sides in place until all are Delaunay; return the number of flips.
 
-    By the Delaunay criterion, or where the worse quality of the two triangles rises.
     Sides of the boundary have one triangle and stay.
     """
-    n = len(triangles)
+    active = np.ones(len(triangles), np.bool_)
     total = 0
-    active = np.ones(n, np.bool_)
     for _ in range(maximum_sweeps):
-        flips = 0
-        for t in range(n):
-            if not active[t]:
-                continue
-            active[t] = False
-            for k in range(3):
+        before = total
+        for t in range(len(triangles)):
+            k = 0
+            while active[t] and k < 3:
                 o = neighbours[t, k]
-                if o < 0:
-                    continue
-                a = triangles[t, k]
-                b = triangles[t, (k + 1) % 3]
-                c = triangles[t, (k + 2) % 3]
-                m = 0
-                while neighbours[o, m] != t or triangles[o, (m + 1) % 3] != c:
-                    m += 1
-                d = triangles[o, m]
-                ax, ay = points[a, 0], points[a, 1]
-                bx, by = points[b, 0], points[b, 1]
-                cx, cy = points[c, 0], points[c, 1]
-                dx, dy = points[d, 0], points[d, 1]
-                if by_quality:
-                    new_one = _quality(ax, ay, bx, by, dx, dy)
-                    new_two = _quality(ax, ay, dx, dy, cx, cy)
-                    new = min(new_one, new_two)
-                    if new <= 1e-3:
-                        continue
-                    old = min(
-                        _quality(ax, ay, bx, by, cx, cy),
-                        _quality(dx, dy, cx, cy, bx, by),
-                    )
-                    if new <= old + 1e-6:
-                        continue
-                else:
-                    # The angles at a and d sum to more than pi where their cotangents
-                    # sum to less than zero.
-                    pa = (bx - ax) * (cx - ax) + (by - ay) * (cy - ay)
-                    qa = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-                    pd = (cx - dx) * (bx - dx) + (cy - dy) * (by - dy)
-                    qd = (cx - dx) * (by - dy) - (cy - dy) * (bx - dx)
-                    scale = (abs(pa) + qa) * (abs(pd) + qd)
-                    if pa * qd + pd * qa >= -1e-10 * scale:
-                        continue
-                    if (
-                        _quality(ax, ay, bx, by, dx, dy) <= 0.0
-                        or _quality(ax, ay, dx, dy, cx, cy) <= 0.0
-                    ):
-                        continue
-                # Side b-c becomes a-d: t = (a, b, d), o = (a, d, c).
-                beside_ab = neighbours[t, (k + 2) % 3]
-                beside_ca = neighbours[t, (k + 1) % 3]
-                beside_bd = neighbours[o, (m + 1) % 3]
-                beside_dc = neighbours[o, (m + 2) % 3]
-                triangles[t, 0], triangles[t, 1], triangles[t, 2] = a, b, d
-                triangles[o, 0], triangles[o, 1], triangles[o, 2] = a, d, c
-                neighbours[t, 0], neighbours[t, 1], neighbours[t, 2] = (
-                    beside_bd,
-                    o,
-                    beside_ab,
-                )
-                neighbours[o, 0], neighbours[o, 1], neighbours[o, 2] = (
-                    beside_dc,
-                    beside_ca,
-                    t,
-                )
-                if beside_bd >= 0:
-                    for e in range(3):
-                        if neighbours[beside_bd, e] == o:
-                            neighbours[beside_bd, e] = t
-                    active[beside_bd] = True
-                if beside_ca >= 0:
-                    for e in range(3):
-                        if neighbours[beside_ca, e] == t:
-                            neighbours[beside_ca, e] = o
-                    active[beside_ca] = True
-                if beside_ab >= 0:
-                    active[beside_ab] = True
-                if beside_dc >= 0:
-                    active[beside_dc] = True
-                active[t] = True
-                active[o] = True
-                flips += 1
-                break
-        total += flips
-        if flips == 0:
+                if o >= 0:
+                    b, c = triangles[t, (k + 1) % 3], triangles[t, (k + 2) % 3]
+                    m = 0
+                    while triangles[o, m] == b or triangles[o, m] == c:
+                        m += 1
+                    a, d = triangles[t, k], triangles[o, m]
+                    # The angles at a and d add up to more than pi where the sum of
+                    # their cotangents is negative; the four nodes are then convex.
+                    cos_a, sin_a = _opening(points, a, b, c)
+                    cos_d, sin_d = _opening(points, d, c, b)
+                    bound = (abs(cos_a) + sin_a) * (abs(cos_d) + sin_d)
+                    if cos_a * sin_d + cos_d * sin_a < -1e-10 * bound:
+                        # (a, b, c) becomes (a, b, d) and (d, c, b) becomes (d, c, a).
+                        beside_t = neighbours[t, (k + 1) % 3]
+                        beside_o = neighbours[o, (m + 1) % 3]
+                        triangles[t, (k + 2) % 3] = d
+                        triangles[o, (m + 2) % 3] = a
+                        neighbours[t, k] = beside_o
+                        neighbours[t, (k + 1) % 3] = o
+                        neighbours[o, m] = beside_t
+                        neighbours[o, (m + 1) % 3] = t
+                        for e in range(3):
+                            if beside_t >= 0 and neighbours[beside_t, e] == t:
+                                neighbours[beside_t, e] = o
+                            if beside_o >= 0 and neighbours[beside_o, e] == o:
+                                neighbours[beside_o, e] = t
+                        active[o] = True
+                        total += 1
+                        k = -1
+                k += 1
+            active[t] = False
+        if total == before:
             break
     return total
 
 
-@njit(cache=True, inline="always")
-def _worst(points, triangles, first, member, i, x, y):
-    """Least quality of the triangles of node i, were it at (x, y)."""
+@njit(cache=True, error_model="numpy")
+def _worst(points, ring, n, x, y):
+    """Least shape quality of the triangles of a node at (x, y) and a ring around it."""
     worst = 1.0
-    for m in range(first[i], first[i + 1]):
-        t = member[m] // 3
-        k = member[m] % 3
-        b = triangles[t, (k + 1) % 3]
-        c = triangles[t, (k + 2) % 3]
-        worst = min(
-            worst,
-            _quality(x, y, points[b, 0], points[b, 1], points[c, 0], points[c, 1]),
-        )
-    return worst
+    for m in range(n):
+        b, c = ring[m], ring[m + 1]
+        ux, uy = points[b, 0] - x, points[b, 1] - y
+        vx, vy = points[c, 0] - x, points[c, 1] - y
+        # u.u + v.v + (v - u).(v - u)
+        squares = 2.0 * (ux * ux + uy * uy + vx * vx + vy * vy - ux * vx - uy * vy)
+        worst = min(worst, (ux * vy - uy * vx) / squares)
+    return 3.4641016151377544 * worst
 
 
-@njit(cache=True)
-def move_nodes(points, triangles, first, member, free, size, springs, floor):
-    """Move every free node in turn, in place; return moved and refused counts.
+@njit(cache=True, error_model="numpy")
+def move_nodes(points, triangles, neighbours, incident, size, springs, floor):
+    """Move nodes in turn, in place; return moved and refused counts.
 
-    To the mean of its neighbours, or to the mean of the places that its neighbours
-    wish it at: ``size[i] + size[j]`` away, times the mean stretch of the node's sides.
-    A move is refused where it takes the worst triangle of the node below its present
-    quality and below the floor; a half and a quarter of it are tried before.
+    A node with an incident triangle (fixed nodes have -1) goes to the mean of its
+    neighbours, or to the mean of the places that its neighbours wish it at: at
+    ``size[i] + size[j]`` times the mean stretch of the node's sides. A move is
+    refused where it takes the worst triangle of the node below its present quality
+    and below the floor; a half and a quarter of it are tried before.
     """
     moved = 0
     refused = 0
-    for i in range(len(free)):
-        if not free[i]:
+    ring = np.empty(MOST_NEIGHBOURS + 1, np.int64)
+    for i in range(len(incident)):
+        t, n = incident[i], 0
+        while t >= 0 and n < MOST_NEIGHBOURS and (n == 0 or t != incident[i]):
+            k = 0
+            while triangles[t, k] != i:
+                k += 1
+            ring[n] = triangles[t, (k + 1) % 3]
+            t = neighbours[t, (k + 1) % 3]
+            n += 1
+        if n == 0 or t != incident[i]:
             continue
+        ring[n] = ring[0]
         x, y = points[i, 0], points[i, 1]
         stretch = 0.0
         if springs:
-            actual = 0.0
-            wanted = 0.0
-            for m in range(first[i], first[i + 1]):
-                b = triangles[member[m] // 3, (member[m] + 1) % 3]
+            actual, wanted = 0.0, 0.0
+            for m in range(n):
+                b = ring[m]
                 actual += np.hypot(points[b, 0] - x, points[b, 1] - y)
                 wanted += size[b] + size[i]
             stretch = actual / wanted
         sx, sy, sw = 0.0, 0.0, 0.0
-        for m in range(first[i], first[i + 1]):
-            b = triangles[member[m] // 3, (member[m] + 1) % 3]
+        for m in range(n):
+            b = ring[m]
             bx, by = points[b, 0] - x, points[b, 1] - y
             pull, weight = 1.0, 1.0
             if springs:
                 rest = stretch * (size[b] + size[i])
                 weight = 1.0 / rest
-                # Twice the step: neighbours move as well, and meet it half way.
+                # Twice the way: a spring along one side is free along the other.
                 pull = 2.0 * (1.0 - rest / np.hypot(bx, by))
             sx += weight * pull * bx
             sy += weight * pull * by
             sw += weight
-        if sw <= 0.0:
-            continue
         sx /= sw
         sy /= sw
-        old = _worst(points, triangles, first, member, i, x, y)
-        accepted = False
-        for _ in range(3):
-            new = _worst(points, triangles, first, member, i, x + sx, y + sy)
+        old = _worst(points, ring, n, x, y)
+        tries = 0
+        while tries < 3:
+            new = _worst(points, ring, n, x + sx, y + sy)
             if new >= old or new >= floor:
-                accepted = True
                 break
             sx *= 0.5
             sy *= 0.5
-        if accepted:
+            tries += 1
+        if tries < 3:
             points[i, 0] = x + sx
             points[i, 1] = y + sy
             moved += 1
         else:
             refused += 1
     return moved, refused
-
-
-@njit(cache=True)
-def collapse(points, triangles, first, member, doomed, gain):
-    """Merge doomed nodes into a neighbour each, in place; return merged counts.
-
-    No two doomed nodes may be neighbours. The neighbour is the one that leaves the
-    best worst triangle; that must be positive and, if ``gain``, better than before.
-    Triangles that vanish get -1 in their first column; merged nodes stay unused.
-    """
-    merged = 0
-    for i in range(len(doomed)):
-        if not doomed[i]:
-            continue
-        x, y = points[i, 0], points[i, 1]
-        best = 0.05
-        if gain:
-            best = max(best, _worst(points, triangles, first, member, i, x, y) + 1e-3)
-        heir = -1
-        for m in range(first[i], first[i + 1]):
-            j = triangles[member[m] // 3, (member[m] + 1) % 3]
-            worst = 1.0
-            for k in range(first[i], first[i + 1]):
-                b = triangles[member[k] // 3, (member[k] + 1) % 3]
-                c = triangles[member[k] // 3, (member[k] + 2) % 3]
-                if b != j and c != j:
-                    worst = min(
-                        worst,
-                        _quality(
-                            points[j, 0],
-                            points[j, 1],
-                            points[b, 0],
-                            points[b, 1],
-                            points[c, 0],
-                            points[c, 1],
-                        ),
-                    )
-            if worst > best:
-                best = worst
-                heir = j
-        if heir < 0:
-            continue
-        for m in range(first[i], first[i + 1]):
-            t = member[m] // 3
-            b = triangles[t, (member[m] + 1) % 3]
-            c = triangles[t, (member[m] + 2) % 3]
-            if b == heir or c == heir:
-                triangles[t, 0] = -1
-            else:
-                triangles[t, member[m] % 3] = heir
-        merged += 1
-    return merged
-
-
-@njit(cache=True)
-def raise_worst(points, triangles, first, member, free, below, sweeps):
-    """Search better places for the nodes of bad triangles; return improved nodes.
-
-    Compass search around each free node whose worst triangle is below a quality.
-    """
-    improved = 0
-    for _ in range(sweeps):
-        changed = 0
-        for i in range(len(free)):
-            if not free[i]:
-                continue
-            x, y = points[i, 0], points[i, 1]
-            best = _worst(points, triangles, first, member, i, x, y)
-            if best >= below:
-                continue
-            start = best
-            t = member[first[i]] // 3
-            k = member[first[i]] % 3
-            b = triangles[t, (k + 1) % 3]
-            step = 0.25 * np.hypot(points[b, 0] - x, points[b, 1] - y)
-            for _ in range(24):
-                found = False
-                for direction in range(8):
-                    angle = direction * np.pi / 4.0
-                    u, v = x + step * np.cos(angle), y + step * np.sin(angle)
-                    new = _worst(points, triangles, first, member, i, u, v)
-                    if new > best + 1e-6:
-                        best, bx, by = new, u, v
-                        found = True
-                if found:
-                    x, y = bx, by
-                else:
-                    step *= 0.5
-            if best > start + 1e-4:
-                points[i, 0], points[i, 1] = x, y
-                changed += 1
-        improved += changed
-        if changed == 0:
-            break
-    return improved
-
-
-@njit(cache=True)
-def qualities(points, triangles):
-    """Shape quality of every triangle."""
-    result = np.empty(len(triangles))
-    for t in range(len(triangles)):
-        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        result[t] = _quality(
-            points[a, 0],
-            points[a, 1],
-            points[b, 0],
-            points[b, 1],
-            points[c, 0],
-            points[c, 1],
-        )
-    return result

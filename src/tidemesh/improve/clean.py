@@ -1,4 +1,4 @@
-"""Nodes removed and inserted, corners repaired; the boundary stays as it is."""
+"""Nodes removed and inserted where sizes or valences are off; the boundary stays."""
 
 from __future__ import annotations
 
@@ -6,8 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tidemesh.improve import _kernels
 from tidemesh.improve.settings import ImproveSettings
+from tidemesh.improve.sides import Sides, best_nodes, best_sides
+from tidemesh.triangulation import quality
+
+# A node is merged into a neighbour only if every triangle stays this good.
+WORST_AFTER_MERGE = 0.05
+# A boundary corner at least this wide has room for two triangles.
+WIDE_CORNER_DEG = 80.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,7 +23,7 @@ class Cleaned:
     points: np.ndarray
     """(n_points, 2) m: kept nodes in their order, then new ones."""
     triangles: np.ndarray
-    """(n_triangles, 3) counter-clockwise."""
+    """(n_triangles, 3) counter-clockwise, not Delaunay beside the changes."""
     source: np.ndarray
     """(n_points,) node of the given mesh, -1 for a new node."""
     report: dict[str, float]
@@ -32,7 +38,7 @@ def clean(
     *,
     size: np.ndarray,
 ) -> Cleaned:
-    """Remove nodes of short sides and low valence, divide long sides.
+    """Remove nodes of short sides and low valence; divide long sides and wide corners.
 
     Parameters
     ----------
@@ -43,6 +49,7 @@ def clean(
     fixed : (n_points,) bool array
         Nodes that stay; those of the boundary must be among them.
     settings : ImproveSettings, optional
+        Limits of sides and valence.
     size : (n_points,) float array
         m, target spacing at the nodes.
 
@@ -55,149 +62,139 @@ def clean(
     settings = settings or ImproveSettings()
     points = np.array(points, dtype=np.float64)
     triangles = np.array(triangles, dtype=np.int64)
-    free = ~np.asarray(fixed, dtype=bool)
-    neighbours, first, member = _kernels.adjacency(triangles, len(points))
-    sides = _sides(triangles, neighbours)
-    ratio = _side_ratios(points, sides, size)
+    fixed = np.asarray(fixed, dtype=bool)
+    size = np.asarray(size, dtype=np.float64)
+    n_given = len(points)
+    sides = Sides.of(triangles, n_given)
+    ratio = 2.0 * sides.length(points) / (size[sides.start] + size[sides.end])
 
-    doomed = _doomed(points, triangles, sides, ratio, free, first, settings)
-    long = (ratio > settings.longest_side) & (sides.other >= 0)
-    divided = _independent_sides(sides, ratio, long, doomed, len(triangles))
+    doomed = best_nodes(_crowding(sides, ratio, fixed, settings), sides)
+    divided = _divided(points, triangles, sides, ratio, doomed, settings)
+    removed = _merge(points, triangles, doomed)
+    points, triangles = _divide(points, triangles, sides.where(divided))
 
-    removed = _kernels.collapse(points, triangles, first, member, doomed, False)
-    points, triangles = _divide(points, triangles, sides, divided)
     triangles = triangles[triangles[:, 0] >= 0]
-    used = np.zeros(len(points), dtype=bool)
+    used = fixed.copy()
+    used.resize(len(points))
     used[triangles] = True
     number = np.cumsum(used) - 1
-    source = np.append(np.arange(len(free)), np.full(len(points) - len(free), -1))
-    report = {"removed": float(removed), "inserted": float(divided.sum())}
+    source = np.append(np.arange(n_given), np.full(len(points) - n_given, -1))
+    report = {"removed": float(removed), "inserted": float(len(points) - n_given)}
     return Cleaned(points[used], number[triangles], source[used], report)
 
 
-@dataclass(frozen=True, eq=False)
-class _Sides:
-    """Every side once."""
-
-    triangle: np.ndarray
-    corner: np.ndarray
-    """The side lies opposite this corner of the triangle."""
-    other: np.ndarray
-    """Triangle on the other side, -1 on the boundary."""
-    start: np.ndarray
-    end: np.ndarray
-
-
-def _sides(triangles: np.ndarray, neighbours: np.ndarray) -> _Sides:
-    own = np.arange(len(triangles))[:, None]
-    triangle, corner = np.nonzero((neighbours > own) | (neighbours < 0))
-    return _Sides(
-        triangle,
-        corner,
-        neighbours[triangle, corner],
-        triangles[triangle, (corner + 1) % 3],
-        triangles[triangle, (corner + 2) % 3],
-    )
-
-
-def _side_ratios(points: np.ndarray, sides: _Sides, size: np.ndarray) -> np.ndarray:
-    """Length of every side over its target."""
-    step = points[sides.end] - points[sides.start]
-    return (
-        2.0 * np.hypot(step[:, 0], step[:, 1]) / (size[sides.start] + size[sides.end])
-    )
-
-
-def _doomed(
-    points: np.ndarray,
-    triangles: np.ndarray,
-    sides: _Sides,
-    ratio: np.ndarray,
-    free: np.ndarray,
-    first: np.ndarray,
-    settings: ImproveSettings,
+def _crowding(
+    sides: Sides, ratio: np.ndarray, fixed: np.ndarray, settings: ImproveSettings
 ) -> np.ndarray:
-    """Nodes to remove: the most crowded ones, no two of them neighbours."""
-    n = len(points)
-    valence = np.diff(first)
+    """(n_points,) how much a node is in the way: 0 for not at all."""
+    n = len(fixed)
+    ends = np.concatenate([sides.start, sides.end])
+    both = np.tile(ratio, 2)
+    valence = np.bincount(ends, minlength=n)
+    mean = np.bincount(ends, both, n) / np.maximum(valence, 1)
     shortest = np.full(n, np.inf)
-    np.minimum.at(shortest, sides.start, ratio)
-    np.minimum.at(shortest, sides.end, ratio)
-    total = np.bincount(sides.start, ratio, n) + np.bincount(sides.end, ratio, n)
-    mean = total / np.maximum(valence, 1)
+    np.minimum.at(shortest, ends, both)
 
     score = np.zeros(n)
-    crowded = free & (shortest < settings.shortest_side)
-    # Of the two ends of a short side the more crowded one goes.
-    score[crowded] = (
-        2.0 - shortest[crowded] + 0.1 * np.maximum(2.0 - mean[crowded], 0.0)
-    )
-    score[free & (valence <= settings.lowest_valence)] += 1.0
-    return _largest_around(score, sides)
+    crowded = shortest < settings.shortest_side
+    # Of the two ends of a short side the one among shorter sides goes.
+    score[crowded] = 2.0 - shortest[crowded] + 0.1 * np.maximum(2.0 - mean[crowded], 0)
+    score[valence <= settings.lowest_valence] += 1.0
+    score[fixed] = 0.0
+    return score
 
 
-def _largest_around(score: np.ndarray, sides: _Sides) -> np.ndarray:
-    """Nodes with a positive score above that of all neighbours; first index on ties."""
-    start, end = sides.start, sides.end
-    tied = score[start] == score[end]
-    lower = np.minimum(start, end)
-    start_wins = (score[start] > score[end]) | (tied & (lower == start))
-    beaten = np.zeros(len(score), dtype=bool)
-    beaten[np.where(start_wins, end, start)] = True
-    return (score > 0.0) & ~beaten
-
-
-def _independent_sides(
-    sides: _Sides,
+def _divided(
+    points: np.ndarray,
+    triangles: np.ndarray,
+    sides: Sides,
     ratio: np.ndarray,
-    wanted: np.ndarray,
     doomed: np.ndarray,
-    n_triangles: int,
+    settings: ImproveSettings,
 ) -> np.ndarray:
-    """Wanted sides that are the longest of both their triangles, clear of removals."""
-    value = np.where(wanted, ratio, 0.0)
-    longest = np.zeros(n_triangles)
-    for triangle in (sides.triangle, sides.other[sides.other >= 0]):
-        part = value if triangle is sides.triangle else value[sides.other >= 0]
-        np.maximum.at(longest, triangle, part)
-    near_removal = np.zeros(n_triangles, dtype=bool)
-    gone = doomed[sides.start] | doomed[sides.end]
-    near_removal[sides.triangle[gone]] = True
-    near_removal[sides.other[gone & (sides.other >= 0)]] = True
+    """(n_sides,) bool, sides to divide: long ones, and those that cut off a corner."""
+    score = np.where(ratio > settings.longest_side, ratio, 0.0)
+    cut = _corner_cutting(points, triangles, sides)
+    score[cut] += 1.0
+    # Triangles of removed nodes are left alone.
+    touched = doomed[triangles].any(axis=1)
+    score[touched[sides.one] | touched[sides.other]] = 0.0
+    return best_sides(score, sides, len(triangles))
 
-    chosen = np.flatnonzero(wanted)
-    one, two = sides.triangle[chosen], sides.other[chosen]
-    good = (value[chosen] >= longest[one]) & (value[chosen] >= longest[two])
-    good &= ~near_removal[one] & ~near_removal[two]
-    chosen = chosen[good]
-    # Equal lengths: the side that comes first keeps the triangle.
-    taken = np.full(n_triangles, len(wanted))
-    np.minimum.at(taken, sides.triangle[chosen], chosen)
-    np.minimum.at(taken, sides.other[chosen], chosen)
-    first = (taken[sides.triangle[chosen]] == chosen) & (
-        taken[sides.other[chosen]] == chosen
-    )
-    result = np.zeros(len(wanted), dtype=bool)
-    result[chosen[first]] = True
-    return result
+
+def _corner_cutting(
+    points: np.ndarray, triangles: np.ndarray, sides: Sides
+) -> np.ndarray:
+    """Sides opposite a wide boundary corner that hangs on one triangle."""
+    on_boundary = np.zeros(len(triangles), dtype=np.int64)
+    edge = sides.other < 0
+    np.add.at(on_boundary, sides.one[edge], 1)
+    inner = np.flatnonzero(~edge)
+    found = []
+    for triangle in (sides.one[inner], sides.other[inner]):
+        ear = on_boundary[triangle] == 2
+        side, triangle = inner[ear], triangle[ear]
+        corner = triangles[triangle].sum(axis=1) - sides.start[side] - sides.end[side]
+        u = points[sides.start[side]] - points[corner]
+        v = points[sides.end[side]] - points[corner]
+        sine = np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
+        angle = np.arctan2(sine, (u * v).sum(axis=1))
+        found.append(side[angle >= np.radians(WIDE_CORNER_DEG)])
+    return np.unique(np.concatenate(found))
+
+
+def _merge(points: np.ndarray, triangles: np.ndarray, doomed: np.ndarray) -> int:
+    """Merge doomed nodes, no two of them neighbours, into a neighbour each, in place.
+
+    The neighbour is the one that leaves the best worst triangle. Triangles that
+    vanish get -1 in their first column. Returns the number of merged nodes.
+    """
+    triangle, corner = np.nonzero(doomed[triangles])
+    node = triangles[triangle, corner]
+    order = np.argsort(node, kind="stable")
+    triangle, corner, node = triangle[order], corner[order], node[order]
+    ahead = triangles[triangle, (corner + 1) % 3]
+    behind = triangles[triangle, (corner + 2) % 3]
+    _, first, count = np.unique(node, return_index=True, return_counts=True)
+
+    # Every triangle of a node against every neighbour that may take its place.
+    star = np.repeat(np.arange(len(first)), count)
+    repeat = count[star]
+    heir = np.repeat(np.arange(len(node)), repeat)
+    within = np.arange(len(heir)) - np.repeat(np.cumsum(repeat) - repeat, repeat)
+    other = first[star[heir]] + within
+    replaced = np.stack([ahead[heir], ahead[other], behind[other]], axis=1)
+    left = quality.shape_quality(points, replaced)
+    left[(replaced[:, 1] == replaced[:, 0]) | (replaced[:, 2] == replaced[:, 0])] = 2.0
+    if not len(left):
+        return 0
+    worst = np.minimum.reduceat(left, np.cumsum(repeat) - repeat)
+    best = np.lexsort((np.arange(len(node)), -worst, star))[first]
+    good = worst[best] > WORST_AFTER_MERGE
+
+    new = np.repeat(ahead[best], count)
+    change = np.repeat(good, count)
+    vanish = change & ((ahead == new) | (behind == new))
+    stay = change & ~vanish
+    triangles[triangle[stay], corner[stay]] = new[stay]
+    triangles[triangle[vanish], 0] = -1
+    return int(good.sum())
 
 
 def _divide(
-    points: np.ndarray, triangles: np.ndarray, sides: _Sides, divided: np.ndarray
+    points: np.ndarray, triangles: np.ndarray, sides: Sides
 ) -> tuple[np.ndarray, np.ndarray]:
     """New nodes at the middles of sides, two triangles made of each beside them."""
-    start, end = sides.start[divided], sides.end[divided]
-    one, two = sides.triangle[divided], sides.other[divided]
+    start, end = sides.start, sides.end
     middle = len(points) + np.arange(len(start))
-    apex_one = triangles[one].sum(axis=1) - start - end
-    apex_two = triangles[two].sum(axis=1) - start - end
-    triangles[one] = np.stack([apex_one, start, middle], axis=1)
-    triangles[two] = np.stack([apex_two, end, middle], axis=1)
-    new = np.concatenate(
+    near, far = sides.apex, sides.far_apex(triangles)
+    triangles[sides.one] = np.stack([near, start, middle], axis=1)
+    triangles[sides.other] = np.stack([far, end, middle], axis=1)
+    beyond = np.concatenate(
         [
-            np.stack([apex_one, middle, end], axis=1),
-            np.stack([apex_two, middle, start], axis=1),
+            np.stack([near, middle, end], axis=1),
+            np.stack([far, middle, start], axis=1),
         ]
     )
     points = np.concatenate([points, 0.5 * (points[start] + points[end])])
-    return points, np.concatenate([triangles, new])
+    return points, np.concatenate([triangles, beyond])

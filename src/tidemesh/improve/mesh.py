@@ -7,14 +7,13 @@ from collections.abc import Callable
 import numpy as np
 
 from tidemesh.datatypes import Domain
-from tidemesh.improve import _kernels
 from tidemesh.improve.clean import clean
+from tidemesh.improve.polish import flip_poor, raise_worst
 from tidemesh.improve.settings import ImproveSettings
-from tidemesh.improve.smooth import MAXIMUM_FLIP_SWEEPS, smooth
+from tidemesh.improve.smooth import smooth
 from tidemesh.triangulation.domain import triangulate
 
 Spacing = Callable[[np.ndarray], np.ndarray]
-SEARCH_SWEEPS = 10
 
 
 def improve_mesh(
@@ -74,23 +73,10 @@ def improve_mesh(
             if new.any():
                 size[new] = spacing(points[new])
     if settings.clean:
-        points, triangles = np.array(points), np.array(triangles)
-        free = np.arange(len(points)) >= n_fixed
-        neighbours, first, member = _kernels.adjacency(triangles, len(points))
-        flips = _kernels.flip(points, triangles, neighbours, True, MAXIMUM_FLIP_SWEEPS)
-        report["flips"] += flips
-        neighbours, first, member = _kernels.adjacency(triangles, len(points))
-        report["searched"] = float(
-            _kernels.raise_worst(
-                points,
-                triangles,
-                first,
-                member,
-                free,
-                settings.poor_quality,
-                SEARCH_SWEEPS,
-            )
-        )
+        fixed = np.arange(len(points)) < n_fixed
+        triangles, flips = flip_poor(points, triangles, settings.poor_quality)
+        points, searched = raise_worst(points, triangles, fixed, settings.poor_quality)
+        report |= {"shape_flips": float(flips), "searched": float(searched)}
     if progress is not None:
         progress(1.0)
     return points, triangles, report

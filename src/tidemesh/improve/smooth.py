@@ -8,6 +8,7 @@ import numpy as np
 
 from tidemesh.improve import _kernels
 from tidemesh.improve.settings import ImproveSettings
+from tidemesh.triangulation import quality
 
 MAXIMUM_FLIP_SWEEPS = 200
 
@@ -63,27 +64,23 @@ def smooth(
     points = np.array(points, dtype=np.float64)
     triangles = np.array(triangles, dtype=np.int64)
     size = np.ones(len(points)) if size is None else np.asarray(size, dtype=np.float64)
-    free = ~np.asarray(fixed, dtype=bool)
-    worst = float(_kernels.qualities(points, triangles).min(initial=1.0))
+    fixed = np.asarray(fixed, dtype=bool)
+    worst = float(quality.shape_quality(points, triangles).min(initial=1.0))
     floor = max(settings.quality_floor, worst)
 
     report = {"moves": 0.0, "refused_moves": 0.0, "flips": 0.0}
-    neighbours, first, member = _kernels.adjacency(triangles, len(points))
+    neighbours = _kernels.find_neighbours(triangles, len(points))
+    incident = np.empty(len(points), dtype=np.int64)
+    springs = settings.method == "springs"
     for _ in range(settings.sweeps):
+        incident[triangles] = np.arange(len(triangles))[:, None]
+        incident[fixed] = -1
         moved, refused = _kernels.move_nodes(
-            points,
-            triangles,
-            first,
-            member,
-            free,
-            size,
-            settings.method == "springs",
-            floor,
+            points, triangles, neighbours, incident, size, springs, floor
         )
-        flips = _kernels.flip(points, triangles, neighbours, False, MAXIMUM_FLIP_SWEEPS)
         report["moves"] += moved
         report["refused_moves"] += refused
-        report["flips"] += flips
-        if flips:
-            neighbours, first, member = _kernels.adjacency(triangles, len(points))
+        report["flips"] += _kernels.flip_to_delaunay(
+            points, triangles, neighbours, MAXIMUM_FLIP_SWEEPS
+        )
     return Smoothed(points, triangles, report)
