@@ -74,7 +74,7 @@ def discrete_symbols(settings: dict) -> Symbols:
 
 
 def _read_mesh(path):
-    lines = iter(gzip.open(path, "rt").read().splitlines()[1:])
+    lines = iter(gzip.decompress(path.read_bytes()).decode().splitlines()[1:])
 
     def integers(count):
         return [int(word) for word in next(lines).split()[:count]]
@@ -102,7 +102,8 @@ def _read_mesh(path):
 
 
 def _read_forcing(path, count):
-    words = [line.split("!")[0].split() for line in gzip.open(path, "rt")]
+    lines = gzip.decompress(path.read_bytes()).decode().splitlines()
+    words = [line.split("!")[0].split() for line in lines]
     names = [k for k, row in enumerate(words) if row == ["M2"]]
     rows = np.array(words[names[1] + 1 : names[1] + 1 + count], dtype=float)
     return rows[:, 0] * np.exp(-1j * np.radians(rows[:, 1]))

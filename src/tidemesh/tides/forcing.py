@@ -90,7 +90,7 @@ def boundary_forcing(
 def interpolation_weights(
     places: np.ndarray, targets: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Linear interpolation from scattered places, continued along the nearest hull side.
+    """Linear interpolation from scattered places, along the nearest side outside.
 
     Parameters
     ----------

@@ -13,8 +13,8 @@ from tidemesh.tides.frequency_domain.wave_equation import (
 __all__ = [
     "Elements",
     "EnergyBalance",
-    "FactorisedWave",
     "Factorisation",
+    "FactorisedWave",
     "FrequencyDomain",
     "Symbols",
     "WaveEquation",
