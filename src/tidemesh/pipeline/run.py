@@ -10,7 +10,7 @@ from tidemesh.io.tide_tables import read_tide_table
 from tidemesh.pipeline.case import Case, input_files, read_case
 from tidemesh.pipeline.figures import FIGURES
 from tidemesh.pipeline.runner import Reporter, Run, run_stages
-from tidemesh.pipeline.stages import STAGES, read_depth_sources
+from tidemesh.pipeline.stages import STAGES
 
 
 def run_case(
@@ -52,7 +52,15 @@ def run_case(
     check_inputs(checked, files)
     folder = Path(output) if output is not None else Path("out") / path.stem
     stages = STAGES if not checked.output.figures else (*STAGES, FIGURES)
-    return run_stages(stages, checked, files, folder, until=until, reporter=reporter)
+    return run_stages(
+        stages,
+        checked,
+        files,
+        folder,
+        folder=path.parent,
+        until=until,
+        reporter=reporter,
+    )
 
 
 def check_inputs(case: Case, files: dict[str, Path]) -> None:
@@ -61,8 +69,7 @@ def check_inputs(case: Case, files: dict[str, Path]) -> None:
     Raises
     ------
     InputError
-        If the forcing lacks a constituent, or a depth source cannot be read or does
-        not reach into the box.
+        If a table of tide constants cannot be read or lacks a constituent.
     """
     table = read_tide_table(files["forcing.table"])
     for name in case.tide.constituents:
@@ -73,4 +80,3 @@ def check_inputs(case: Case, files: dict[str, Path]) -> None:
             )
     if "forcing.gauges" in files:
         read_tide_table(files["forcing.gauges"])
-    read_depth_sources(case, files)

@@ -74,6 +74,8 @@ class Context:
     case: Case
     files: Mapping[str, Path]
     """Input files by key, for instance "domain.shoreline"."""
+    folder: Path
+    """Where relative paths of the case start."""
     output: Path
     progress: Callable[[float], None] = lambda fraction: None
     report: dict[str, Any] = field(default_factory=dict)
@@ -127,6 +129,7 @@ def run_stages(
     files: Mapping[str, Path],
     output: Path,
     *,
+    folder: Path = Path(),
     until: str | None = None,
     reporter: Reporter | None = None,
 ) -> Run:
@@ -150,7 +153,7 @@ def run_stages(
     _check_writable(output)
 
     digests = {key: sha256(path) for key, path in files.items()}
-    context = Context(case, files, output)
+    context = Context(case, files, folder, output)
     keys: dict[str, str] = {}
     records: dict[str, dict[str, Any]] = {}
     resumed = []

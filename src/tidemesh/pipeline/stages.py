@@ -9,16 +9,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from tidemesh import basegrid, boundary, hierarchy, improve, sizing, tides, truncation
 from tidemesh.datatypes import CoastalMesh, Domain, SizeField, TideSolution
 from tidemesh.errors import ConvergenceError
-from tidemesh.io.dem import read_raster
 from tidemesh.io.files import atomic
 from tidemesh.io.fort14 import write_fort14
 from tidemesh.io.shoreline import read_shoreline
-from tidemesh.io.soundings import read_soundings
 from tidemesh.io.tide_tables import read_tide_table
 from tidemesh.io.ugrid import Field, write_ugrid
 from tidemesh.pipeline.case import Case
@@ -27,7 +26,6 @@ from tidemesh.triangulation import domain as domain_mesh
 from tidemesh.triangulation import locate, quality, topology
 
 _RETRIES = 4
-_HESSIAN_RULES = ("hessian", "energy_hessian")
 
 
 # ---- 1. domain (section 3.1) ----------------------------------------------------
@@ -44,7 +42,13 @@ def make_domain(context: Context) -> Domain:
         else None
         for index in range(len(settings.regions))
     ]
-    domain = boundary.build_domain(land, _resolved(context), region_land)
+    drawn = context.files.get("domain.ocean.file")
+    domain = boundary.build_domain(
+        land,
+        settings,
+        region_land,
+        drawn_ocean=None if drawn is None else read_shoreline(drawn),
+    )
     actions: dict[str, int] = {}
     for entry in domain.ledger:
         actions[entry.action] = actions.get(entry.action, 0) + 1
@@ -68,11 +72,6 @@ def _read_land(context: Context):
         land_on=settings.land_on,
         repair=settings.repair,
     )
-
-
-def _resolved(context: Context):
-    """Domain settings with the polygon of a file put in the place of its name."""
-    return context.case.domain
 
 
 def _water_area(domain: Domain) -> float:
@@ -143,7 +142,7 @@ def make_base_grid(context: Context) -> CoastalMesh:
     """Rings to a fine grid with depths."""
     case = context.case
     domain = context["domain"]
-    sources = read_depth_sources(case, context.files)
+    sources = basegrid.read_sources(domain, case.depth, folder=context.folder)
     context.progress(0.2)
     mesh, depths = basegrid.build_base_grid(
         domain, sources, case.base_grid, case.depth, progress=context.progress
@@ -157,28 +156,6 @@ def make_base_grid(context: Context) -> CoastalMesh:
     }
     write_ugrid(context.path("base_mesh.nc"), mesh, (), title=case.title)
     return mesh
-
-
-def read_depth_sources(case: Case, files) -> list:
-    """Rasters and soundings in the order of the case."""
-    sources = []
-    for index, source in enumerate(case.depth.sources):
-        path = files[f"depth.sources[{index}].path"]
-        name = path.name.lower().removesuffix(".gz")
-        scattered = source.kind == "soundings" or (
-            source.kind == "auto" and name.endswith((".csv", ".txt", ".xyz"))
-        )
-        read = read_soundings if scattered else read_raster
-        options: dict[str, Any] = {
-            "variable": source.variable,
-            "positive": source.positive,
-            "crs": source.crs,
-            "box_deg": case.domain.box_deg,
-        }
-        if source.fill_value is not None:
-            options["fill_value"] = source.fill_value
-        sources.append(read(path, **options))
-    return sources
 
 
 # ---- 3. tide (sections 2.2 and 3.3) ---------------------------------------------
@@ -255,9 +232,9 @@ def measure_error(context: Context) -> dict[str, Any]:
     series = truncation.momentum_series(mesh, tide, settings)
     context.progress(0.7)
     hessian = truncation.recovered_hessian(mesh.points, mesh.triangles, tide.elevation)
+    curvature = np.sqrt((np.abs(hessian) ** 2 @ np.array([1.0, 2.0, 1.0])))
     spacing = base_spacing(context)
     error = truncation.error_at(series, spacing)
-    curvature = sizing.hessian_magnitude(hessian)
     known = np.isfinite(error).all(axis=0) & series.known
     context.report["truncation"] = {
         "known_nodes": int(series.known.sum()),
@@ -274,11 +251,30 @@ def measure_error(context: Context) -> dict[str, Any]:
         )
         for c, name in enumerate(tide.names)
     ]
-    fields.append(
-        Field("curvature", curvature, "m-1", "second derivatives of the elevation")
-    )
+    fields += [
+        Field(
+            f"curvature_{name}",
+            curvature[c],
+            "m-1",
+            f"size of the second derivatives of the {name} elevation",
+        )
+        for c, name in enumerate(tide.names)
+    ]
     write_ugrid(context.path("error.nc"), mesh, fields, title=context.case.title)
-    return {"series": series, "hessian": hessian, "error": error}
+    return {
+        "series": series,
+        "hessian": hessian,
+        "error": error,
+        "interpolation_error": interpolation_error(curvature, spacing),
+    }
+
+
+def interpolation_error(curvature: np.ndarray, spacing: np.ndarray) -> np.ndarray:
+    """Bound on the error (m) of linear interpolation on equilateral triangles.
+
+    Half the curvature times the squared circumradius, spacing / sqrt(3).
+    """
+    return curvature * spacing**2 / 6.0
 
 
 def base_spacing(context: Context) -> np.ndarray:
@@ -406,7 +402,7 @@ def make_mesh(context: Context) -> CoastalMesh:
     )
     context.progress(0.6)
     spacing = node_spacing(points, triangles)
-    sources = read_depth_sources(case, context.files)
+    sources = basegrid.read_sources(domain, case.depth, folder=context.folder)
     depth, depths = basegrid.sample_depths(
         points, domain.projection, sources, case.depth, spacing=spacing
     )
@@ -487,6 +483,9 @@ def check_mesh_tide(context: Context) -> dict[str, Any]:
     series = truncation.momentum_series(mesh, tide, _least_squares(context.case))
     spacing = node_spacing(mesh.points, mesh.triangles)
     error = truncation.error_at(series, spacing)
+    curvature = truncation.hessian_magnitude(
+        mesh.points, mesh.triangles, tide.elevation
+    )
     context.progress(0.9)
     context.report["tide"] = _tide_report(mesh, tide, context)
     context.report["against_base_grid"] = compare_with_base(
@@ -505,19 +504,16 @@ def check_mesh_tide(context: Context) -> dict[str, Any]:
         for c, name in enumerate(tide.names)
     ]
     write_ugrid(context.path("mesh_tide.nc"), mesh, fields, title=context.case.title)
-    return {"tide": tide, "error": error}
+    return {
+        "tide": tide,
+        "error": error,
+        "interpolation_error": interpolation_error(curvature, spacing),
+    }
 
 
 def _least_squares(case: Case):
     # A graded mesh has no lattice for the published molecules.
-    return msgspec_replace(case.truncation, derivatives="least_squares")
-
-
-def msgspec_replace(settings: Any, **changes: Any) -> Any:
-    """Settings with some fields changed."""
-    import msgspec
-
-    return msgspec.structs.replace(settings, **changes)
+    return msgspec.structs.replace(case.truncation, derivatives="least_squares")
 
 
 def compare_with_base(

@@ -1,0 +1,106 @@
+"""Stages are skipped only when nothing that they read has changed."""
+
+import json
+
+import numpy as np
+import pytest
+
+from tidemesh.errors import InputError
+from tidemesh.pipeline.case import input_files, read_case
+from tidemesh.pipeline.runner import Stage, run_stages
+
+
+@pytest.fixture
+def ran(island, tmp_path):
+    """A function that runs two toy stages and tells which of them ran."""
+
+    def run(overrides=(), until=None, broken=None):
+        calls = []
+
+        def first(context):
+            calls.append("first")
+            return {"nodes": np.arange(context.case.sizing.nodes)}
+
+        def second(context):
+            calls.append("second")
+            if broken:
+                raise broken
+            path = context.path("figures/sum.txt")
+            total = int(context["first"]["nodes"].sum())
+            path.write_text(f"{total + context.case.base_grid.spacing_m}")
+            context.report["total"] = total
+            return {}
+
+        stages = (
+            Stage("first", first, ("sizing",), ("depth.",)),
+            Stage("second", second, ("title", "base_grid"), (), ("first",)),
+        )
+        case = read_case(island, overrides)
+        files = input_files(case, island.parent)
+        result = run_stages(stages, case, files, tmp_path / "out", until=until)
+        return calls, result
+
+    return run
+
+
+def test_second_run_takes_everything_over(ran):
+    calls, first = ran()
+    assert calls == ["first", "second"]
+    calls, second = ran()
+    assert calls == []
+    assert second.resumed == ("first", "second")
+    assert second.summary == first.summary
+
+
+def test_change_of_settings(ran):
+    ran()
+    assert ran(["sizing.nodes=900"])[0] == ["first", "second"]
+    assert ran(["sizing.nodes=900", "base_grid.spacing_m=2500"])[0] == ["second"]
+    assert ran(["sizing.nodes=900", "title=new"])[0] == ["second"]
+
+
+def test_change_of_an_input_file(ran, island):
+    ran()
+    path = island.parent / "data" / "bathymetry.nc"
+    path.write_bytes(path.read_bytes() + b"\0")
+    assert ran()[0] == ["first", "second"]
+
+
+def test_damaged_result_is_made_again(ran, tmp_path):
+    ran()
+    (tmp_path / "out" / "figures" / "sum.txt").write_text("0")
+    assert ran()[0] == ["second"]
+
+
+def test_until(ran, tmp_path):
+    assert ran(until="first")[0] == ["first"]
+    assert not (tmp_path / "out" / "figures").exists()
+    with pytest.raises(InputError, match="expected one of first, second"):
+        ran(until="third")
+
+
+def test_interrupt_keeps_what_was_done(ran, tmp_path):
+    with pytest.raises(KeyboardInterrupt):
+        ran(broken=KeyboardInterrupt())
+    assert not (tmp_path / "out" / "stages" / "second.json").exists()
+    assert ran()[0] == ["second"]
+
+
+def test_manifest(ran, tmp_path, island):
+    import hashlib
+
+    ran()
+    manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
+    for name, digest in manifest["outputs"].items():
+        content = (tmp_path / "out" / name).read_bytes()
+        assert hashlib.sha256(content).hexdigest() == digest
+    table = (island.parent / "data" / "open_boundary.csv").read_bytes()
+    entry = manifest["inputs"]["forcing.table"]
+    assert entry["sha256"] == hashlib.sha256(table).hexdigest()
+    assert manifest["settings"]["sizing"]["nodes"] == 800
+
+
+def test_unwritable_output(ran, tmp_path):
+    (tmp_path / "out").write_text("a file where the folder should be")
+    with pytest.raises(InputError, match="cannot be written"):
+        ran()
