@@ -5,19 +5,24 @@ from __future__ import annotations
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
+from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.colors import BoundaryNorm
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.path import Path
 
 from tidemesh.datatypes import LAND, CoastalMesh, Domain
 from tidemesh.plots.maps import (
     BLACK,
     BLUE,
-    GREY,
+    ORANGE,
     VERMILION,
     Frame,
     add_colour_bar,
     draw_outline,
+    mark_window,
     new_axis,
+    panels_beside,
     round_steps,
 )
 
@@ -43,13 +48,12 @@ def depth_contours(mesh: CoastalMesh, *, axis: Axes | None = None) -> Axes:
         mesh.depth,
         levels=levels,
         cmap="YlGnBu",
-        norm=BoundaryNorm(levels, 256, extend="both"),
-        extend="both",
+        norm=BoundaryNorm(levels, 256),
     )
     lines = axis.tricontour(
-        triangulation, mesh.depth, levels=levels, colors=GREY, linewidths=0.4
+        triangulation, mesh.depth, levels=levels[1:-1], colors=BLACK, linewidths=0.4
     )
-    axis.clabel(lines, levels[1:], fmt="%g", fontsize=7, inline_spacing=2)
+    axis.clabel(lines, fmt="%g", fontsize=8, inline_spacing=2)
     draw_outline(axis, mesh, frame)
     frame.decorate(axis, _pairs(triangulation))
     add_colour_bar(axis, shades, "depth (m)", ticks=levels, format="%g")
@@ -89,7 +93,7 @@ def boundary_before_after(
     domain : Domain
         Its rings and ledger.
     zoom_deg : (west, south, east, north), optional
-        Window of the inset; by default about the largest removed water.
+        Window of the enlarged panel; by default about the largest water removed.
     axis : Axes, optional
 
     Returns
@@ -99,36 +103,22 @@ def boundary_before_after(
     axis = new_axis(axis)
     frame = Frame(domain.projection)
     rings = [frame.place(ring.points) for ring in domain.rings]
-    everything = np.concatenate(rings)
-    frame.decorate(axis, everything)
-    low, high = everything.min(axis=0), everything.max(axis=0)
-    margin = 0.1 * (high - low)
-    shore = _lines(land, frame, low - margin, high + margin)
+    low = np.min([xy.min(axis=0) for xy in rings], axis=0)
+    high = np.max([xy.max(axis=0) for xy in rings], axis=0)
+    margin = 0.05 * (high - low)
+    near = shapely.clip_by_rect(
+        land, *frame.degrees(low - margin), *frame.degrees(high + margin)
+    )
+    lost = _water_lost(near, domain, rings, frame, low - margin, high + margin)
 
     if zoom_deg is None:
-        window = _window_at_change(domain, frame, low, high)
+        window = _window_at_loss(domain, frame, low, high)
     else:
         window = frame.place_degrees(np.reshape(zoom_deg, (2, 2)))
-    panels = [(axis, 0.6)]
-    if window is not None:
-        inset = axis.inset_axes((1.04, 0.18, 0.64, 0.64))
-        inset.set_aspect(axis.get_aspect(), adjustable="datalim")
-        inset.set_xlim(window[:, 0])
-        inset.set_ylim(window[:, 1])
-        inset.tick_params(labelsize=7)
-        inset.xaxis.set_major_formatter(axis.xaxis.get_major_formatter())
-        inset.yaxis.set_major_formatter(axis.yaxis.get_major_formatter())
-        inset.yaxis.tick_right()
-        inset.locator_params(nbins=4)
-        axis.indicate_inset(
-            bounds=(*window[0], *(window[1] - window[0])), inset_ax=inset
-        )
-        panels.append((inset, 1.2))
-
-    for panel, width in panels:
-        panel.add_collection(
-            LineCollection(shore, colors=VERMILION, linewidths=width), autolim=False
-        )
+    panels = [] if window is None else panels_beside(axis, 1)
+    for panel, width in [(axis, 0.7), *((panel, 1.4) for panel in panels)]:
+        _fill(panel, near, frame, facecolor="0.9", edgecolor=VERMILION, linewidth=0.6)
+        _fill(panel, lost, frame, facecolor=ORANGE, alpha=0.7)
         for ring, xy in zip(domain.rings, rings):
             segments = np.stack([xy, np.roll(xy, -1, axis=0)], axis=1)
             on_land = ring.segment_kind == LAND
@@ -137,46 +127,70 @@ def boundary_before_after(
                     LineCollection(segments[part], colors=colour, linewidths=width),
                     autolim=False,
                 )
-    removed = [e for e in domain.ledger if e.area_m2 > 0.0]
-    if removed:
-        places = frame.place_degrees(
-            np.array([(e.longitude_deg, e.latitude_deg) for e in removed])
-        )
-        for panel, _ in panels:
-            panel.plot(*places.T, ".", color=VERMILION, markersize=3, zorder=3)
-    axis.plot([], [], color=VERMILION, label="shoreline as read")
-    axis.plot([], [], color=BLACK, label="boundary kept: land")
-    axis.plot([], [], color=BLUE, label="boundary kept: open sea")
-    if removed:
-        axis.plot([], [], ".", color=VERMILION, label=f"changes: {len(removed)}")
-    axis.legend(loc="lower right", fontsize=8, framealpha=0.9)
-    kept = sum(len(ring.points) for ring in domain.rings)
-    raw = shapely.get_num_coordinates(land)
-    axis.set_title(f"Boundary: {raw:,} shoreline points read, {kept:,} kept")
+    frame.decorate(axis, np.concatenate(rings))
+    for panel in panels:
+        mark_window(axis, panel, window, "a")
+    axis.legend(
+        handles=[
+            Patch(facecolor="0.9", edgecolor=VERMILION, label="land as read"),
+            Line2D([], [], color=BLACK, label="boundary kept: land"),
+            Line2D([], [], color=BLUE, label="boundary kept: open sea"),
+            Patch(facecolor=ORANGE, alpha=0.7, label="water removed"),
+        ],
+        loc="lower right",
+        fontsize=8,
+        framealpha=0.9,
+    )
+    read, kept = shapely.get_num_coordinates(near), sum(len(xy) for xy in rings)
+    axis.set_title(
+        f"Boundary: {read:,} shoreline points read, {kept:,} kept, "
+        f"{len(domain.ledger):,} changes"
+    )
     return axis
 
 
-def _window_at_change(domain: Domain, frame: Frame, low, high) -> np.ndarray | None:
-    """A tenth of the domain about the largest change that the ledger tells of."""
-    changes = [e for e in domain.ledger if e.area_m2 > 0.0]
-    if not changes:
+def _water_lost(land, domain: Domain, rings, frame: Frame, low, high) -> list:
+    """Water behind the land side of the boundary, as polygons in degrees."""
+    shell, *holes = [frame.degrees(xy) for xy in rings]
+    kept = shapely.make_valid(shapely.Polygon(shell, holes))
+    window = shapely.box(*frame.degrees(low), *frame.degrees(high))
+    outside = window.difference(shapely.make_valid(land)).difference(kept)
+    # What borders on the open boundary or on the window is sea that was never wanted.
+    at_sea = [
+        frame.degrees(xy[ring.segment_kind != LAND])
+        for ring, xy in zip(domain.rings, rings)
+    ]
+    wanted_out = shapely.union_all(
+        [window.exterior, shapely.MultiPoint(np.concatenate(at_sea))]
+    )
+    near = shapely.buffer(wanted_out, 1e-6 * float(np.ptp(frame.degrees([low, high]))))
+    return [p for p in shapely.get_parts(outside) if not p.intersects(near)]
+
+
+def _fill(axis: Axes, geometry, frame: Frame, **style) -> None:
+    """Fill polygons, holes left out."""
+    polygons = [p for p in shapely.get_parts(geometry) if p.geom_type == "Polygon"]
+    paths = [
+        Path.make_compound_path(
+            *(
+                Path(frame.place_degrees(shapely.get_coordinates(ring)), closed=True)
+                for ring in (polygon.exterior, *polygon.interiors)
+            )
+        )
+        for polygon in polygons
+    ]
+    axis.add_collection(PathCollection(paths, **style), autolim=False)
+
+
+def _window_at_loss(domain: Domain, frame: Frame, low, high) -> np.ndarray | None:
+    """A tenth of the domain about the largest water removed."""
+    losses = [entry for entry in domain.ledger if entry.area_m2 < 0.0]
+    if not losses:
         return None
-    largest = max(changes, key=lambda entry: entry.area_m2)
+    largest = min(losses, key=lambda entry: entry.area_m2)
     centre = frame.place_degrees([largest.longitude_deg, largest.latitude_deg])[0]
     half = 0.06 * (high - low)
     return np.array([centre - half, centre + half])
-
-
-def _lines(land: shapely.Geometry, frame: Frame, low, high) -> list[np.ndarray]:
-    """Land outlines near the window, in map coordinates."""
-    scale = 1.0 if frame.geographic else 1000.0
-    shapely.prepare(land)
-    near = shapely.clip_by_rect(shapely.boundary(land), *(low * scale), *(high * scale))
-    return [
-        frame.place_degrees(shapely.get_coordinates(line))
-        for line in shapely.get_parts(near)
-        if line.geom_type == "LineString"
-    ]
 
 
 def _pairs(triangulation) -> np.ndarray:

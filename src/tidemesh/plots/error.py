@@ -13,6 +13,7 @@ from tidemesh.plots.maps import (
     draw_nodal_values,
     draw_outline,
     new_axis,
+    panels_beside,
 )
 
 
@@ -23,6 +24,7 @@ def error_map(
     limits: tuple[float, float] | None = None,
     label: str = "truncation error (m/s²)",
     title: str = "Truncation error",
+    colour_bar: bool = True,
     axis: Axes | None = None,
 ) -> Axes:
     """Error at the nodes on a logarithmic colour scale; blank where it is unknown.
@@ -35,6 +37,7 @@ def error_map(
     limits : (low, high), optional
         Ends of the colour scale; by default those of `colour_limits`.
     label, title : str
+    colour_bar : bool
     axis : Axes, optional
 
     Returns
@@ -54,11 +57,12 @@ def error_map(
     )
     draw_outline(axis, mesh, frame, width=0.6)
     frame.decorate(axis, frame.place(mesh.points))
-    add_colour_bar(axis, shades, label, extend="both")
+    if colour_bar:
+        add_colour_bar(axis, shades, label, extend="both")
     known = error[np.isfinite(error)]
     axis.set_title(
         f"{title}: {len(mesh.points):,} nodes, "
-        f"peak {known.max():.3g}, median {np.median(known):.3g}"
+        f"peak {known.max():.2e}, median {np.median(known):.2e}"
         if known.size
         else title
     )
@@ -83,7 +87,7 @@ def error_before_after(
         On the nodes of each mesh, NaN where undefined.
     label : str
     axis : Axes, optional
-        Takes the first map; the second is drawn on a new axis to its right.
+        Takes the first map; the second comes to its right.
 
     Returns
     -------
@@ -91,14 +95,20 @@ def error_before_after(
         That of the first map.
     """
     axis = new_axis(axis)
-    grid = axis.get_subplotspec().subgridspec(1, 2)
-    axis.set_subplotspec(grid[0])
-    second = axis.figure.add_subplot(grid[1])
     limits = colour_limits(np.concatenate([error_before, error_after]))
+    panels = panels_beside(axis, 1)
+    style = {"limits": limits, "label": label}
     error_map(
-        before, error_before, limits=limits, label=label, title="Base grid", axis=axis
+        before,
+        error_before,
+        title="Base grid",
+        colour_bar=not panels,
+        axis=axis,
+        **style,
     )
-    error_map(after, error_after, limits=limits, label=label, title="Mesh", axis=second)
+    for panel in panels:
+        error_map(after, error_after, title="Mesh", axis=panel, **style)
+        panel.set_ylabel("")
     return axis
 
 

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from matplotlib.ticker import FuncFormatter
 from matplotlib.tri import Triangulation
 
@@ -26,7 +27,6 @@ YELLOW = "#F0E442"
 BLUE = "#0072B2"
 VERMILION = "#D55E00"
 PURPLE = "#CC79A7"
-GREY = "#808080"
 
 
 @dataclass(frozen=True)
@@ -51,6 +51,11 @@ class Frame:
         """Longitude and latitude to map coordinates (metres on the bare plane)."""
         points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
         return points if self.geographic else points / 1000.0
+
+    def degrees(self, places: np.ndarray) -> np.ndarray:
+        """Map coordinates to longitude and latitude (metres on the bare plane)."""
+        places = np.asarray(places, dtype=np.float64)
+        return places if self.geographic else places * 1000.0
 
     def triangulation(self, points: np.ndarray, triangles: np.ndarray) -> Triangulation:
         """Triangulation in map coordinates."""
@@ -96,6 +101,68 @@ def new_axis(axis: Axes | None) -> Axes:
     if axis is not None:
         return axis
     return Figure(figsize=(8.0, 7.0), layout="constrained").subplots()
+
+
+def panels_beside(axis: Axes, number: int, *, width: float = 1.0) -> list[Axes]:
+    """Make room to the right of an axis for further panels, one above the other.
+
+    Parameters
+    ----------
+    axis : Axes
+        Shrinks to the left. If it has its figure for itself, the figure grows instead.
+    number : int
+        Of panels.
+    width : float
+        Of the panels, relative to that of the axis.
+
+    Returns
+    -------
+    list of Axes
+        Empty if the axis is not in a grid and so cannot be divided.
+    """
+    place = axis.get_subplotspec()
+    if place is None or number == 0:
+        return []
+    figure = axis.figure
+    if figure.axes == [axis]:
+        wide, high = figure.get_size_inches()
+        figure.set_size_inches(wide * (1.0 + width), high)
+    grid = place.subgridspec(number, 2, width_ratios=[1.0, width])
+    axis.set_subplotspec(grid[:, 0])
+    return [figure.add_subplot(grid[row, 1]) for row in range(number)]
+
+
+def mark_window(axis: Axes, panel: Axes, window: np.ndarray, name: str) -> None:
+    """Make a panel show a window of a map, and mark the window there by its name.
+
+    Parameters
+    ----------
+    axis, panel : Axes
+    window : (2, 2) array
+        Lower left and upper right corner, in map coordinates.
+    name : str
+    """
+    low, high = window
+    panel.set_aspect(axis.get_aspect())
+    panel.set_xlim(low[0], high[0])
+    panel.set_ylim(low[1], high[1])
+    panel.set_title(name, loc="left", fontweight="bold")
+    panel.tick_params(labelsize=8)
+    panel.xaxis.set_major_formatter(axis.xaxis.get_major_formatter())
+    panel.yaxis.set_major_formatter(axis.yaxis.get_major_formatter())
+    panel.locator_params(nbins=4)
+    axis.add_patch(
+        Rectangle(low, *(high - low), fill=False, edgecolor=VERMILION, zorder=4)
+    )
+    axis.annotate(
+        name,
+        (low[0], high[1]),
+        color=VERMILION,
+        fontweight="bold",
+        textcoords="offset points",
+        xytext=(0, 3),
+        zorder=5,
+    )
 
 
 def draw_outline(axis: Axes, mesh: CoastalMesh, frame: Frame, width: float = 0.8):

@@ -1,4 +1,4 @@
-"""The mesh with zoomed insets (Fig. 8), and its boundary strings."""
+"""The mesh with enlarged panels (Fig. 8), and its boundary strings."""
 
 from __future__ import annotations
 
@@ -14,14 +14,13 @@ from tidemesh.plots.maps import (
     GREEN,
     ORANGE,
     PURPLE,
-    VERMILION,
     Frame,
     draw_outline,
+    mark_window,
     new_axis,
+    panels_beside,
 )
 from tidemesh.triangulation import quality
-
-_INSETS = ((1.03, 0.52, 0.48, 0.48), (1.03, 0.0, 0.48, 0.48))
 
 
 def mesh_map(
@@ -30,13 +29,13 @@ def mesh_map(
     zooms_deg: Sequence[tuple[float, float, float, float]] | None = None,
     axis: Axes | None = None,
 ) -> Axes:
-    """Triangles of a mesh, and two insets at its smallest elements (paper, Fig. 8).
+    """Triangles of a mesh, and two panels at its smallest elements (paper, Fig. 8).
 
     Parameters
     ----------
     mesh : CoastalMesh
     zooms_deg : sequence of (west, south, east, north), optional
-        At most two windows for the insets, in place of the smallest elements.
+        At most two windows for the panels, in place of the smallest elements.
     axis : Axes, optional
 
     Returns
@@ -53,32 +52,17 @@ def mesh_map(
         windows = _smallest_elements(mesh, xy)
     else:
         windows = [frame.place_degrees(np.reshape(zoom, (2, 2))) for zoom in zooms_deg]
-    for (low, high), place in zip(windows, _INSETS):
-        inset = axis.inset_axes(place)
-        draw_zoom(inset, mesh, frame, xy, low, high)
-        axis.indicate_inset_zoom(inset, edgecolor=VERMILION, alpha=1.0, linewidth=0.9)
+    panels = panels_beside(axis, len(windows), width=0.55)
+    for name, panel, window in zip("ab", panels, windows):
+        mark_window(axis, panel, window, name)
+        panel.triplot(*xy.T, _near(mesh, xy, window), color=BLACK, linewidth=0.35)
+        draw_outline(panel, mesh, frame, width=1.2)
     edge = quality.edge_length(mesh.points, mesh.triangles)
     axis.set_title(
         f"Mesh: {len(mesh.points):,} nodes, {len(mesh.triangles):,} elements, "
         f"edges {edge.min():.0f} m to {edge.max() / 1000.0:.2f} km"
     )
     return axis
-
-
-def draw_zoom(axis: Axes, mesh: CoastalMesh, frame: Frame, xy, low, high) -> None:
-    """Draw the triangles that reach into a window, and nothing else."""
-    corner = xy[mesh.triangles]
-    touches = (corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)
-    inside = mesh.triangles[touches.all(axis=1)]
-    if len(inside):
-        axis.triplot(*xy.T, inside, color=BLACK, linewidth=0.35)
-    draw_outline(axis, mesh, frame, width=1.2)
-    axis.set_xlim(low[0], high[0])
-    axis.set_ylim(low[1], high[1])
-    axis.set_xticks([])
-    axis.set_yticks([])
-    for spine in axis.spines.values():
-        spine.set_edgecolor(VERMILION)
 
 
 def boundary_strings(mesh: CoastalMesh, *, axis: Axes | None = None) -> Axes:
@@ -121,7 +105,8 @@ def boundary_strings(mesh: CoastalMesh, *, axis: Axes | None = None) -> Axes:
                 fontsize=8,
                 color=colour,
                 textcoords="offset points",
-                xytext=(3, 3),
+                xytext=(4, 4),
+                bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8},
             )
     names = {"open": "open sea", "mainland": "mainland", "island": "islands"}
     for kind, shades in colours.items():
@@ -132,6 +117,13 @@ def boundary_strings(mesh: CoastalMesh, *, axis: Axes | None = None) -> Axes:
     frame.decorate(axis, xy)
     axis.set_title("Boundary strings (O open, L land, numbered as in fort.14)")
     return axis
+
+
+def _near(mesh: CoastalMesh, xy: np.ndarray, window: np.ndarray) -> np.ndarray:
+    """Triangles that reach into a window, at least by their bounding boxes."""
+    corner = xy[mesh.triangles]
+    touches = (corner.max(axis=1) >= window[0]) & (corner.min(axis=1) <= window[1])
+    return mesh.triangles[touches.all(axis=1)]
 
 
 def _smallest_elements(mesh: CoastalMesh, xy: np.ndarray) -> list[np.ndarray]:
@@ -150,4 +142,5 @@ def _smallest_elements(mesh: CoastalMesh, xy: np.ndarray) -> list[np.ndarray]:
         half = min(30.0 * size[element], 0.1 * extent) * per_metre
         middle = xy[mesh.triangles[element]].mean(axis=0)
         windows.append(np.array([middle - half, middle + half]))
-    return windows
+    # From north to south, as the panels are.
+    return sorted(windows, key=lambda window: -window[0, 1])

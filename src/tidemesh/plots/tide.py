@@ -19,8 +19,8 @@ from tidemesh.plots.maps import (
 def cotidal_chart(
     mesh: CoastalMesh,
     tide: TideSolution,
-    *,
     constituent: str | None = None,
+    *,
     axis: Axes | None = None,
 ) -> Axes:
     """Amplitude in colour and lines of equal Greenwich phase.
@@ -92,14 +92,24 @@ def draw_phase_line(
     # Turned by the level the line is where the elevation is real and positive, so
     # nothing jumps at 360 degrees; the opposite phase is masked away.
     turned = elevation * np.exp(1j * np.radians(level))
-    opposite = (turned.real <= 0.0)[triangulation.triangles].any(axis=1)
-    if opposite.all():
+    real, imaginary = (
+        part[triangulation.triangles] for part in (turned.real, turned.imag)
+    )
+    crossed = (
+        (real > 0.0).all(axis=1)
+        & (imaginary.min(axis=1) <= 0.0)
+        & (imaginary.max(axis=1) >= 0.0)
+    )
+    if not crossed.any():
         return
-    part = Triangulation(triangulation.x, triangulation.y, triangulation.triangles)
-    part.set_mask(opposite)
-    scale = np.abs(turned).max()
     lines = axis.tricontour(
-        part, turned.imag / scale, levels=[0.0], colors="white", linewidths=0.9
+        Triangulation(
+            triangulation.x, triangulation.y, triangulation.triangles[crossed]
+        ),
+        turned.imag / np.abs(turned).max(),
+        levels=[0.0],
+        colors="white",
+        linewidths=0.9,
     )
     pieces = lines.get_paths()[0].to_polygons(closed_only=False)
     if not pieces:
