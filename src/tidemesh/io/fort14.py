@@ -287,14 +287,10 @@ class _Lines:
     def _require(self, rows: int, what: str) -> None:
         left = len(self._starts) - self._next
         if rows > left:
-            last = int(self._numbers[-1])
+            last = int(self._numbers[-1]) if len(self._numbers) else None
+            more = f"{rows - left} more lines, each with " if rows - left > 1 else ""
             raise FormatError(
-                f"the file ends here; expected {rows - left} more lines, "
-                f"each with {what}"
-                if rows > 1
-                else f"the file ends here; expected {what}",
-                self.path,
-                last,
+                f"the file ends here; expected {more}{what}", self.path, last
             )
 
     def _text(self, line: int) -> str:
@@ -510,7 +506,7 @@ def _to_plane(
 
 
 def _counter_clockwise(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    a, b, c = points[triangles].transpose(1, 0, 2)
-    turn = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1])
-    turn -= (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1])
+    x, y = np.ascontiguousarray(points.T)
+    a, b, c = triangles.T
+    turn = (x[b] - x[a]) * (y[c] - y[a]) - (x[c] - x[a]) * (y[b] - y[a])
     return np.where(turn[:, None] < 0.0, triangles[:, [0, 2, 1]], triangles)
