@@ -40,6 +40,7 @@ def build_domain(
     region_land: Sequence[Geometry | None] = (),
     *,
     drawn_ocean: Geometry | None = None,
+    repairs: Sequence[LedgerEntry] = (),
 ) -> Domain:
     """Build the water body to be meshed, with typed boundary rings.
 
@@ -54,6 +55,8 @@ def build_domain(
         missing entry where the region has none.
     drawn_ocean : geometry, optional
         The polygon of ``settings.ocean.file``, in degrees.
+    repairs : sequence of LedgerEntry
+        What was mended while reading; put at the head of the ledger.
 
     Returns
     -------
@@ -77,7 +80,7 @@ def build_domain(
     plane = work_plane(settings)
     rules = LocalRules(settings, plane)
     grid = _grid(settings, rules, plane)
-    ledger: list[LedgerEntry] = []
+    ledger = list(repairs)
 
     sea, islets = _water(land, settings, region_land, plane, rules, grid)
     narrow = narrow_parts(sea, rules, grid=grid)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import shapely
 from shapely import Geometry, Polygon
@@ -155,7 +157,7 @@ def ocean_nodes(
     cuts = [0, *_corners(string).tolist(), len(string) - 1]
     pieces = [
         divide_path(string[a : b + 1], spacing, measure[a : b + 1])
-        for a, b in zip(cuts[:-1], cuts[1:])
+        for a, b in pairwise(cuts)
     ]
     nodes = np.concatenate([piece[:-1] for piece in pieces] + [string[-1:]])
     return nodes[:-1] if closed else nodes

@@ -80,6 +80,8 @@ def _narrower(
     if open_line is not None:
         shapely.prepare(open_line)
         rest = rest[~shapely.dwithin(rest, open_line, 2.0 * grid)]
+    if not len(rest):
+        return []
     counts = _mouths(rest, wide.boundary, grid) >= 2
     west, south, east, north = shapely.bounds(rest).T
     large = np.flatnonzero(~counts & (np.hypot(east - west, north - south) > width))
