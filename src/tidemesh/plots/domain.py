@@ -105,7 +105,8 @@ def boundary_before_after(
     rings = [frame.place(ring.points) for ring in domain.rings]
     low = np.min([xy.min(axis=0) for xy in rings], axis=0)
     high = np.max([xy.max(axis=0) for xy in rings], axis=0)
-    margin = 0.05 * (high - low)
+    # Wide enough to hold most of what was cut off, so that it can be told from the sea.
+    margin = 0.3 * (high - low)
     near = shapely.clip_by_rect(
         land, *frame.degrees(low - margin), *frame.degrees(high + margin)
     )
@@ -164,7 +165,9 @@ def _water_lost(land, domain: Domain, rings, frame: Frame, low, high) -> list:
         [window.exterior, shapely.MultiPoint(np.concatenate(at_sea))]
     )
     near = shapely.buffer(wanted_out, 1e-6 * float(np.ptp(frame.degrees([low, high]))))
-    return [p for p in shapely.get_parts(outside) if not p.intersects(near)]
+    parts = shapely.get_parts(outside)
+    parts = parts[shapely.area(parts) > 1e-10 * window.area]
+    return [part for part in parts if not part.intersects(near)]
 
 
 def _fill(axis: Axes, geometry, frame: Frame, **style) -> None:

@@ -17,6 +17,8 @@ _STYLE = {
     "axes.linewidth": 0.8,
     "savefig.facecolor": "white",
     "figure.facecolor": "white",
+    # Else the names inside an SVG file are drawn by chance.
+    "svg.hashsalt": "tidemesh",
 }
 
 

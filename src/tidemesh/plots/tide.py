@@ -73,6 +73,8 @@ def phase_levels(elevation: np.ndarray) -> tuple[float, np.ndarray]:
     widest = int(np.argmax(gap))
     start = phase[(widest + 1) % len(phase)]
     span = 360.0 - gap[widest]
+    if span > 330.0:
+        return 30.0, np.arange(0.0, 360.0, 30.0)
     step = next((s for s in (1.0, 2.0, 5.0, 10.0, 15.0) if span / s <= 12.5), 30.0)
     first = np.ceil(start / step)
     last = np.floor((start + span) / step)
