@@ -210,6 +210,18 @@ def test_spacing_enters_by_node_and_unknown_nodes_have_no_error():
     assert np.allclose(error[0, series.known], 2.0 * spacing[series.known] ** 2)
 
 
+@pytest.mark.parametrize(("rings", "unknown"), [(0, 0), (1, 28), (2, 48)])
+def test_rings_along_the_boundary_can_be_left_out(rings, unknown):
+    points, triangles = equilateral_mesh(8, 8, 1.0)
+    zero = np.zeros(len(points))
+    series = momentum_series(
+        tidal_mesh(points, triangles),
+        tide(zero, zero, zero),
+        TruncationSettings(skip_rings=rings),
+    )
+    assert (~series.known).sum() == unknown
+
+
 def test_constituents_are_independent():
     points, triangles = graded_mesh(14)
     random = np.random.default_rng(0)

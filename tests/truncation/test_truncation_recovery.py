@@ -11,6 +11,7 @@ from truncation_meshes import (
 )
 
 from tidemesh.triangulation.delaunay import constrained_delaunay
+from tidemesh.truncation import _kernels
 from tidemesh.truncation.recovery import PolynomialFit, fit_polynomials, index
 
 
@@ -129,6 +130,17 @@ def test_some_nodes_as_all_nodes():
     assert np.allclose(every.values_at(rows, offset), (points[rows] + offset).T)
 
 
+def test_compiled_and_plain_kernels_agree(monkeypatch):
+    points, triangles = channel_mesh(12, 2)
+    value = np.sin(points[:, 0])
+    compiled = fit_polynomials(points, triangles, value, degree=3)
+    for name in ("gather_rings", "fit_patches"):
+        monkeypatch.setattr(_kernels, name, getattr(_kernels, name).py_func)
+    plain = fit_polynomials(points, triangles, value, degree=3)
+    assert np.array_equal(compiled.rank, plain.rank)
+    assert np.allclose(compiled.coefficients, plain.coefficients, rtol=0, atol=1e-12)
+
+
 def test_arguments_are_checked():
     points, triangles = equilateral_mesh(5, 5, 1.0)
     with pytest.raises(ValueError, match="degree must be between 1 and 8"):
@@ -137,4 +149,6 @@ def test_arguments_are_checked():
         fit_polynomials(points, triangles, points.T, degree=3, patch_points=9)
     with pytest.raises(ValueError, match=r"values must have shape \(k, 25\)"):
         fit_polynomials(points, triangles, points, degree=2)
+    with pytest.raises(ValueError, match="must be finite"):
+        fit_polynomials(points, triangles, np.full(25, np.nan), degree=2)
     assert index(0, 5) == 20

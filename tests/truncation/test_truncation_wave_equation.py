@@ -10,7 +10,7 @@ from tidemesh.truncation import wave_equation_error
 GRAVITY = 9.81
 FREQUENCY = 1.3
 FRICTION = 0.7
-DEGREE = 8
+DEGREE = 6
 
 
 def residual(wave, tensor, points):

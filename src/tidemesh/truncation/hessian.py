@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
@@ -16,6 +17,7 @@ def recovered_hessian(
     *,
     degree: int = 3,
     patch_points: int | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> np.ndarray:
     """Second derivatives at every node by local polynomials, up to the boundary.
 
@@ -29,6 +31,8 @@ def recovered_hessian(
         Of the polynomials; the Hessian is of order degree - 1 for smooth values.
     patch_points : int, optional
         As for `recovery.PolynomialFit`.
+    progress : callable, optional
+        Called with the fraction done.
 
     Returns
     -------
@@ -44,6 +48,8 @@ def recovered_hessian(
         for column, order in enumerate(((2, 0), (1, 1), (0, 2))):
             hessian[:, nodes, column] = found.derivative(*order)
         hessian[:, nodes][:, found.rank <= 2] = np.nan
+        if progress is not None:
+            progress(nodes.stop / len(points))
     return hessian
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tidemesh.datatypes import CoastalMesh, TideSolution, TruncationSeries
-from tidemesh.triangulation.topology import edges
+from tidemesh.triangulation.topology import boundary_nodes, edges
 from tidemesh.truncation.molecules import lattice_values
 from tidemesh.truncation.recovery import PolynomialFit
 from tidemesh.truncation.settings import TruncationSettings
@@ -83,6 +83,8 @@ def momentum_series(
         if progress is not None:
             progress(nodes.stop / n_points)
 
+    known &= ~_near_boundary(mesh.triangles, n_points, settings.skip_rings)
+
     if settings.components == "sum":
         second = second.sum(axis=1, keepdims=True)
         fourth = fourth.sum(axis=1, keepdims=True)
@@ -124,6 +126,16 @@ def error_at(
         raise ValueError(f'norm must be "vector" or "largest", got "{norm}"')
     magnitude[:, ~series.known] = np.nan
     return magnitude
+
+
+def _near_boundary(triangles: np.ndarray, n_points: int, rings: int) -> np.ndarray:
+    """Nodes (n_points,) of the first rings along the boundary."""
+    near = np.zeros(n_points, dtype=bool)
+    if rings > 0:
+        near[boundary_nodes(triangles)] = True
+    for _ in range(1, rings):
+        near[triangles[near[triangles].any(axis=1)]] = True
+    return near
 
 
 def _momentum(tide: TideSolution) -> tuple[np.ndarray, np.ndarray]:

@@ -168,6 +168,8 @@ class PolynomialFit:
             raise ValueError(
                 f"values must have shape (k, {len(self.points)}), got {values.shape}"
             )
+        if not np.isfinite(values).all():
+            raise ValueError("values must be finite")
         if nodes is None:
             nodes = np.arange(len(self.points))
         kind = np.complex128 if np.iscomplexobj(values) else np.float64

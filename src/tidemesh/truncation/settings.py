@@ -24,12 +24,17 @@ class TruncationSettings(
     """The sum of the x and the y component as published, which is blind to errors
     along (1, -1), or both components."""
 
-    degree: Annotated[int, msgspec.Meta(ge=5, le=7)] = 5
+    degree: Annotated[int, msgspec.Meta(ge=5, le=6)] = 5
     """Degree of the local polynomials; Eq. 4 holds fifth derivatives."""
 
-    patch_points: Annotated[int, msgspec.Meta(ge=21)] | None = None
+    patch_points: Annotated[int, msgspec.Meta(ge=28)] | None = None
     """Least number of nodes in a fit; by default 1.6 times the number of monomials.
     More nodes smooth more."""
 
     lattice_spacing_m: Annotated[float, msgspec.Meta(gt=0.0)] | None = None
     """For "lattice": the paper has 900 m. By default the median edge of the mesh."""
+
+    skip_rings: Annotated[int, msgspec.Meta(ge=0)] = 0
+    """Rings of nodes along the boundary to be left unknown (1: the boundary nodes).
+    Third and fifth derivatives of a discrete tide are mostly noise on a jagged shore;
+    2 takes out the worst of it."""
