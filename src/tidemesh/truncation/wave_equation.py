@@ -39,10 +39,15 @@ def wave_equation_error(
 
     Notes
     -----
-    The equation is i w e - div(K grad e) = 0 with K = [[ks, ka], [-ka, ks]],
-    ks = g h q / (q^2 + f^2), ka = g h f / (q^2 + f^2), q = i w + tau, discretised with
-    the consistent mass matrix and element means of K on equilateral triangles. It is
-    used once more to leave only second derivatives of e (docs/method.md).
+    The equation is i w e - div(K grad e) = 0 with K = [[k, a], [-a, k]],
+    k = g h q / (q^2 + f^2), a = g h f / (q^2 + f^2), q = i w + tau, discretised with
+    the consistent mass matrix and element means of K on equilateral triangles. The
+    equation itself is used to leave only second derivatives of e. With H the Hessian,
+    J(a, b) = a_x b_y - a_y b_x and L = lap e::
+
+        k L = i w e - grad k . grad e - J(a, e)
+        S = i w L / 4 + grad k . grad L / 4 + (H_k : H_e - lap k L) / 3
+            - grad(lap k) . grad e / 4 - J(a, L) / 4 - J(lap a, e) / 4
     """
     if degree < 3:
         raise ValueError(f"degree must be 3 or more, got {degree}")
@@ -109,7 +114,7 @@ class _Field:
 def _second_order(
     i_w: np.ndarray, e: _Field, ks: _Field, ka: _Field | None = None
 ) -> np.ndarray:
-    """S of docs/method.md, its L and grad L from the equation itself."""
+    """S of `wave_equation_error`, with L and grad L from the equation itself."""
     slope, curvature = e.gradient, e.hessian
     steepness, bend = ks.gradient, ks.hessian
     laplacian = i_w * e.value - _dot(steepness, slope)
