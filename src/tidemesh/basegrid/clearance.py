@@ -44,6 +44,8 @@ class NearBoundary:
         self._step = step
         self._spacing = spacing[parent]
         self._tree = cKDTree(self._start + 0.5 * step)
+        # The midpoint of a piece is farther than its nearest place by at most this.
+        self._slack = 0.51 * float(np.hypot(*step.T).max())
 
     def query(self, points: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
         """Distance and boundary spacing (m) at points; infinite farther than reach.
@@ -62,7 +64,7 @@ class NearBoundary:
         # The nearest midpoint need not belong to the nearest piece: look at a few.
         k = min(4, len(self._start))
         gap, index = self._tree.query(
-            points[near], k=k, distance_upper_bound=reach + 1.0
+            points[near], k=k, distance_upper_bound=reach + self._slack
         )
         gap, index = gap.reshape(len(near), k), index.reshape(len(near), k)
         found = np.isfinite(gap[:, 0])
@@ -85,7 +87,7 @@ class NearBoundary:
 
     def _may_be_near(self, points: np.ndarray, reach: float) -> np.ndarray:
         """Points in or beside a square of side `reach` that holds a piece."""
-        side = max(reach, np.hypot(*self._step.T).max()) + 1.0
+        side = reach + 2.0 * self._slack
         low = self._start.min(axis=0) - 2.0 * side
         shape = ((self._start.max(axis=0) - low) / side).astype(np.int64) + 4
         marked = np.zeros(tuple(shape), dtype=bool)

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import LinearNDInterpolator
-from scipy.spatial import QhullError, cKDTree
+from scipy.spatial import cKDTree
 
 from tidemesh.basegrid import source_checks
 from tidemesh.basegrid.raster_sampling import WeightedRaster
+from tidemesh.basegrid.scattered import interpolate_scattered
 from tidemesh.basegrid.settings import DepthSettings
 from tidemesh.datatypes import Raster, Soundings
 from tidemesh.errors import InputError
@@ -191,12 +191,9 @@ def _from_soundings(
 ) -> np.ndarray:
     """Linear on the Delaunay triangulation; NaN outside."""
     at, elevation = _wet_soundings(soundings, projection, settings)
-    source_checks.check_overlap_of_soundings(soundings, at, points)
-    try:
-        return LinearNDInterpolator(at, elevation)(points)
-    except (QhullError, ValueError):
-        # Fewer than three, or all in a line: they serve as nearest water only.
-        return np.full(len(points), np.nan)
+    reach = 1e3 * settings.max_hole_km
+    source_checks.check_overlap_of_soundings(soundings, at, points, reach)
+    return interpolate_scattered(at, elevation, points)
 
 
 def _wet_soundings(

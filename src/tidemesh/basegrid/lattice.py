@@ -54,7 +54,7 @@ def hexagonal_points(domain: Domain, settings: BaseGridSettings) -> np.ndarray:
             wanted &= (target < _SHARE * 2.0 * step) & (keys % 2 != 0).any(axis=1)
         candidates = points[wanted]
         chosen.append(candidates[inside(domain, candidates)])
-        if finest >= limit:
+        if finest >= limit or not settings.transition:
             break
         keys = _halved(keys[target - gradation * 2.0 * step < limit])
     return np.concatenate(chosen)

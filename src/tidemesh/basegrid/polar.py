@@ -27,7 +27,7 @@ def polar_points(domain: Domain, settings: BaseGridSettings) -> np.ndarray:
         Metres, family after family, from the innermost arc outwards.
     """
     projection = domain.projection
-    kept: list[np.ndarray] = []
+    kept = [np.empty((0, 3))]
     for number, centre in enumerate(settings.centres):
         points, spacing = arc_points(centre, projection)
         keep = _in_region(centre, points, projection) if centre.region_deg else ...
@@ -35,9 +35,12 @@ def polar_points(domain: Domain, settings: BaseGridSettings) -> np.ndarray:
         for later in settings.centres[number + 1 :]:
             outside = ~_in_region(later, points, projection)
             points, spacing = points[outside], spacing[outside]
+        if len(points) == 0:
+            continue
         limit = settings.clearance * spacing
-        boundary = NearBoundary(domain, spacing.min() / 8.0 if len(spacing) else 1.0)
-        distance, _ = boundary.query(points, limit.max(initial=0.0))
+        distance, _ = NearBoundary(domain, spacing.min() / 8.0).query(
+            points, limit.max()
+        )
         keep = (distance >= limit) & inside(domain, points)
         kept.append(np.column_stack([points, limit])[keep])
     for number in range(len(kept) - 1):

@@ -71,20 +71,20 @@ def check_overlap(raster: Raster, at: np.ndarray) -> None:
 
 
 def check_overlap_of_soundings(
-    soundings: Soundings, at: np.ndarray, points: np.ndarray
+    soundings: Soundings, at: np.ndarray, points: np.ndarray, reach: float
 ) -> None:
-    """Soundings must hold water, and some of it in the box around the nodes (m)."""
+    """Soundings must hold water, some of it within reach (m) of the nodes' box."""
     if len(at) < 0.4 * len(soundings.points):
         raise InputError(
             f"{soundings.name}: {1 - len(at) / len(soundings.points):.0%} of the "
             'soundings come out as land; set positive to "down" if the numbers are '
             'depths, to "up" if they are elevations'
         )
-    low, high = points.min(axis=0), points.max(axis=0)
+    low, high = points.min(axis=0) - reach, points.max(axis=0) + reach
     if not ((at >= low) & (at <= high)).all(axis=1).any():
         raise InputError(
-            f"{soundings.name}: no sounding lies in the box around the domain; check "
-            "the file and its coordinate system"
+            f"{soundings.name}: no sounding lies in or near the box around the domain; "
+            "check the file and its coordinate system"
         )
 
 

@@ -52,8 +52,8 @@ def _read(folder: Path, source: DepthSource, box) -> Raster | Soundings:
     soundings = source.kind == "soundings" or (source.kind == "auto" and is_text)
     read = read_soundings if soundings else read_raster
     if soundings:
-        # Soundings just outside still shape the bed near the edge.
-        margin = 0.05 * np.array([box[2] - box[0], box[3] - box[1]])
+        # Soundings outside still shape the bed near the edge, sparse ones from afar.
+        margin = 0.25 * np.array([box[2] - box[0], box[3] - box[1]])
         box = (*(np.array(box[:2]) - margin), *(np.array(box[2:]) + margin))
     return read(
         path,
