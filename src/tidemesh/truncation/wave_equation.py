@@ -67,8 +67,8 @@ def wave_equation_error(
     fit = PolynomialFit(mesh.points, mesh.triangles, degree, patch_points=patch_points)
     for nodes, found in fit.fit_in_chunks(np.concatenate(fields)):
         elevation, along, *across = (
-            _Field(found.derivative, slice(i * n_c, (i + 1) * n_c))
-            for i in range(len(fields))
+            _Field(values[:, nodes], found.derivative, slice(i * n_c, (i + 1) * n_c))
+            for i, values in enumerate(fields)
         )
         error[:, nodes] = _second_order(
             1j * tide.frequency[:, None], elevation, along, *across
@@ -80,18 +80,21 @@ def wave_equation_error(
 
 
 class _Field:
-    """Gradients of some of the recovered fields."""
+    """Values and recovered gradients of one of the fields."""
 
-    def __init__(self, derivative: Callable[[int, int], np.ndarray], rows: slice):
+    def __init__(
+        self,
+        value: np.ndarray,
+        derivative: Callable[[int, int], np.ndarray],
+        rows: slice,
+    ):
+        # As given: a fit may pass through zero where the bed is rough.
+        self.value = value
         self._derivative = derivative
         self._rows = rows
 
     def __getitem__(self, order: tuple[int, int]) -> np.ndarray:
         return self._derivative(*order)[self._rows]
-
-    @property
-    def value(self) -> np.ndarray:
-        return self[0, 0]
 
     @property
     def gradient(self) -> np.ndarray:
