@@ -109,6 +109,12 @@ def test_inverted_flat_duplicate_and_crowded_triangles():
     assert "flat triangle" in names(topology.check_mesh(line, flat))
     twice = np.array([[0, 1, 2], [0, 2, 3], [1, 2, 0]])
     assert "duplicate triangle" in names(topology.check_mesh(SQUARE, twice))
+    _, inner, triangles = mesh(14)
+    number = int(np.flatnonzero((topology.neighbours(triangles) >= 0).all(axis=1))[0])
+    copied = np.concatenate([triangles, np.roll(triangles[number : number + 1], 1)])
+    found = topology.check_mesh(inner, copied)
+    assert names(found)[0] == "duplicate triangle"
+    assert found[0].indices.tolist() == [len(triangles)]
     points = np.concatenate([SQUARE, [[0.2, 0.7]]])
     three = np.array([[0, 1, 2], [0, 2, 3], [0, 2, 4]])
     assert "edge of more than two triangles" in names(

@@ -19,7 +19,9 @@ PAIRED_TYPES = (4, 5, 24, 25, 64)
 
 def edges(triangles: np.ndarray) -> np.ndarray:
     """Every edge once, smaller index first, in ascending order: (n_edges, 2)."""
-    return edge_table(triangles)[0]
+    size = _size(triangles)
+    keys = np.sort(_edge_keys(triangles, size))
+    return _pairs(keys[_first_of_equals(keys)], size)
 
 
 def edge_table(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -33,8 +35,11 @@ def edge_table(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         Column i is the edge from corner i to corner i + 1.
     """
     size = _size(triangles)
-    keys, number = np.unique(_edge_keys(triangles, size), return_inverse=True)
-    return np.stack([keys // size, keys % size], axis=1), number.reshape(-1, 3)
+    keys, order = _sorted_with_order(_edge_keys(triangles, size))
+    first = _first_of_equals(keys)
+    number = np.empty(len(keys), dtype=np.int64)
+    number[order] = np.cumsum(first) - 1
+    return _pairs(keys[first], size), number.reshape(-1, 3)
 
 
 def neighbours(triangles: np.ndarray) -> np.ndarray:
@@ -43,11 +48,9 @@ def neighbours(triangles: np.ndarray) -> np.ndarray:
     -1 on the boundary. Where more than two triangles share an edge (an invalid mesh)
     they are paired in ascending order.
     """
-    keys = _edge_keys(triangles, _size(triangles))
-    order = np.argsort(keys, kind="stable")
-    ordered = keys[order]
+    ordered, order = _sorted_with_order(_edge_keys(triangles, _size(triangles)))
     same = np.flatnonzero(ordered[1:] == ordered[:-1])
-    result = np.full(len(keys), -1, dtype=np.int64)
+    result = np.full(len(order), -1, dtype=np.int64)
     result[order[same]] = order[same + 1] // 3
     result[order[same + 1]] = order[same] // 3
     return result.reshape(-1, 3)
@@ -127,20 +130,18 @@ def node_to_nodes(
         Neighbours of node i, ascending, are ``indices[indptr[i]:indptr[i + 1]]``.
     """
     pair = edges(triangles)
-    # Edges are sorted by (low, high): smaller neighbours, listed first, and larger
-    # neighbours both come out ascending from one stable sort by node.
-    node = np.concatenate([pair[:, 1], pair[:, 0]])
-    other = np.concatenate([pair[:, 0], pair[:, 1]])
-    order = np.argsort(node, kind="stable")
-    return _indptr(node, n_points), other[order]
+    low, high = pair.T
+    keys = np.concatenate([low * n_points + high, high * n_points + low])
+    keys.sort()
+    node, other = _pairs(keys, n_points).T
+    return _indptr(node, n_points), np.ascontiguousarray(other)
 
 
 def node_to_triangles(
     triangles: np.ndarray, n_points: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Triangles of every node, ascending, in compressed rows (see `node_to_nodes`)."""
-    node = triangles.ravel()
-    order = np.argsort(node, kind="stable")
+    node, order = _sorted_with_order(triangles.ravel())
     return _indptr(node, n_points), order // 3
 
 
@@ -270,14 +271,11 @@ def _element_problems(points: np.ndarray, triangles: np.ndarray) -> list[Problem
     size = np.abs(along).max(axis=1) + np.abs(across).max(axis=1)
     flat = np.abs(twice_area) <= 4.0 * np.finfo(np.float64).eps * magnitude * size
 
-    ordered = np.sort(triangles, axis=1)
-    order = np.lexsort(ordered.T[::-1])
-    repeats = np.zeros(len(triangles), dtype=bool)
-    repeats[order[1:]] = (np.diff(ordered[order], axis=0) == 0).all(axis=1)
-
-    keys = _edge_keys(triangles, len(points))
-    _, number, count = np.unique(keys, return_inverse=True, return_counts=True)
-    crowded = (count[number.reshape(-1, 3)] > 2).any(axis=1)
+    keys, order = _sorted_with_order(_edge_keys(triangles, len(points)))
+    third = np.flatnonzero(keys[2:] == keys[:-2])
+    crowded = np.zeros(len(triangles), dtype=bool)
+    crowded[order[np.isin(keys, keys[third])] // 3] = len(third) > 0
+    repeats = _repeats(triangles, keys, order)
 
     found = _first_fault(
         ("flat triangle", flat, centre),
@@ -294,6 +292,26 @@ def _element_problems(points: np.ndarray, triangles: np.ndarray) -> list[Problem
             ("triangle apart from the largest part", label != largest, centre)
         )
     return found
+
+
+def _repeats(triangles: np.ndarray, keys: np.ndarray, order: np.ndarray) -> np.ndarray:
+    """Triangles whose nodes, in any order, are those of an earlier one."""
+    # A copy shares its edges, which have three triangles then, or two if it lies at
+    # the boundary: only such pairs whose corners add up alike need a look.
+    total = triangles.sum(axis=1)
+    suspects = []
+    for gap in (1, 2):
+        same = keys[gap:] == keys[:-gap]
+        first, second = order[:-gap][same] // 3, order[gap:][same] // 3
+        alike = total[first] == total[second]
+        suspects += [first[alike], second[alike]]
+    suspect = np.unique(np.concatenate(suspects))
+    ordered = np.sort(triangles[suspect], axis=1)
+    rank = np.lexsort((suspect, *ordered.T))
+    equal = (np.diff(ordered[rank], axis=0) == 0).all(axis=1)
+    repeats = np.zeros(len(triangles), dtype=bool)
+    repeats[suspect[rank[1:][equal]]] = True
+    return repeats
 
 
 def _overlap_problems(
@@ -401,6 +419,30 @@ def _edge_keys(triangles: np.ndarray, size: int) -> np.ndarray:
     start = np.asarray(triangles, dtype=np.int64)
     end = np.roll(start, -1, axis=1)
     return (np.minimum(start, end) * size + np.maximum(start, end)).ravel()
+
+
+def _pairs(keys: np.ndarray, size: int) -> np.ndarray:
+    """Undo ``first * size + second``: (n,) -> (n, 2)."""
+    return np.stack(np.divmod(keys, size), axis=1)
+
+
+def _first_of_equals(ordered: np.ndarray) -> np.ndarray:
+    first = np.ones(len(ordered), dtype=bool)
+    np.not_equal(ordered[1:], ordered[:-1], out=first[1:])
+    return first
+
+
+def _sorted_with_order(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Sorted non-negative keys, and where each stood; equal ones in their old order."""
+    keys = np.asarray(keys, dtype=np.int64)
+    bits = len(keys).bit_length()
+    if len(keys) and int(keys.max()) < 1 << (63 - bits):
+        # Sorting plain numbers is ten times faster than sorting their order.
+        packed = (keys << bits) | np.arange(len(keys))
+        packed.sort()
+        return packed >> bits, packed & ((1 << bits) - 1)
+    order = np.argsort(keys, kind="stable")
+    return keys[order], order
 
 
 def _indptr(node: np.ndarray, n_points: int) -> np.ndarray:
