@@ -10,6 +10,8 @@ from numba import njit
 
 # Nodes with more neighbours than this stay where they are.
 MOST_NEIGHBOURS = 64
+# A node at rest moves by less than this fraction of its sides.
+REST = 0.005
 
 
 @njit(cache=True, error_model="numpy")
@@ -48,12 +50,16 @@ def _opening(points, a, b, c):
 
 
 @njit(cache=True, error_model="numpy")
-def flip_to_delaunay(points, triangles, neighbours, maximum_sweeps):
+def flip_to_delaunay(points, triangles, neighbours, awake, maximum_sweeps):
     """Flip sides in place until all are Delaunay; return the number of flips.
 
-    Sides of the boundary have one triangle and stay.
+    Triangles without an awake node are taken to be Delaunay. Sides of the boundary
+    have one triangle and stay.
     """
-    active = np.ones(len(triangles), np.bool_)
+    active = np.empty(len(triangles), np.bool_)
+    for t in range(len(triangles)):
+        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        active[t] = awake[a] or awake[b] or awake[c]
     total = 0
     for _ in range(maximum_sweeps):
         before = total
@@ -112,10 +118,12 @@ def _worst(points, ring, n, x, y):
 
 
 @njit(cache=True, error_model="numpy")
-def move_nodes(points, triangles, neighbours, incident, size, springs, floor):
+def move_nodes(points, triangles, neighbours, incident, awake, size, springs, floor):
     """Move nodes in turn, in place; return moved and refused counts.
 
-    A node with an incident triangle (fixed nodes have -1) goes to the mean of its
+    Only awake nodes move, and only they and their neighbours, if they moved by more
+    than `REST` of their sides, are awake afterwards. A node with an incident triangle
+    (fixed nodes have -1) goes to the mean of its
     neighbours, or to the mean of the places that its neighbours wish it at: at
     ``size[i] + size[j]`` times the mean stretch of the node's sides. A move is
     refused where it takes the worst triangle of the node below its present quality
@@ -124,7 +132,12 @@ def move_nodes(points, triangles, neighbours, incident, size, springs, floor):
     moved = 0
     refused = 0
     ring = np.empty(MOST_NEIGHBOURS + 1, np.int64)
+    length = np.empty(MOST_NEIGHBOURS)
+    was_awake = awake.copy()
+    awake[:] = False
     for i in range(len(incident)):
+        if not was_awake[i]:
+            continue
         t, n = incident[i], 0
         while t >= 0 and n < MOST_NEIGHBOURS and (n == 0 or t != incident[i]):
             k = 0
@@ -137,14 +150,14 @@ def move_nodes(points, triangles, neighbours, incident, size, springs, floor):
             continue
         ring[n] = ring[0]
         x, y = points[i, 0], points[i, 1]
-        stretch = 0.0
-        if springs:
-            actual, wanted = 0.0, 0.0
-            for m in range(n):
-                b = ring[m]
-                actual += np.hypot(points[b, 0] - x, points[b, 1] - y)
-                wanted += size[b] + size[i]
-            stretch = actual / wanted
+        around, wanted = 0.0, 0.0
+        for m in range(n):
+            b = ring[m]
+            bx, by = points[b, 0] - x, points[b, 1] - y
+            length[m] = np.sqrt(bx * bx + by * by)
+            around += length[m]
+            wanted += size[b] + size[i]
+        stretch = around / wanted
         sx, sy, sw = 0.0, 0.0, 0.0
         for m in range(n):
             b = ring[m]
@@ -154,7 +167,7 @@ def move_nodes(points, triangles, neighbours, incident, size, springs, floor):
                 rest = stretch * (size[b] + size[i])
                 weight = 1.0 / rest
                 # Twice the way: a spring along one side is free along the other.
-                pull = 2.0 * (1.0 - rest / np.hypot(bx, by))
+                pull = 2.0 * (1.0 - rest / length[m])
             sx += weight * pull * bx
             sy += weight * pull * by
             sw += weight
@@ -173,6 +186,10 @@ def move_nodes(points, triangles, neighbours, incident, size, springs, floor):
             points[i, 0] = x + sx
             points[i, 1] = y + sy
             moved += 1
+            if n * n * (sx * sx + sy * sy) > REST * REST * around * around:
+                awake[i] = True
+                for m in range(n):
+                    awake[ring[m]] = True
         else:
             refused += 1
     return moved, refused

@@ -74,8 +74,7 @@ def clean(
     points, triangles = _divide(points, triangles, sides.where(divided))
 
     triangles = triangles[triangles[:, 0] >= 0]
-    used = fixed.copy()
-    used.resize(len(points))
+    used = np.append(fixed, np.zeros(len(points) - n_given, dtype=bool))
     used[triangles] = True
     number = np.cumsum(used) - 1
     source = np.append(np.arange(n_given), np.full(len(points) - n_given, -1))

@@ -71,16 +71,17 @@ def smooth(
     report = {"moves": 0.0, "refused_moves": 0.0, "flips": 0.0}
     neighbours = _kernels.find_neighbours(triangles, len(points))
     incident = np.empty(len(points), dtype=np.int64)
+    awake = np.ones(len(points), dtype=bool)
     springs = settings.method == "springs"
     for _ in range(settings.sweeps):
         incident[triangles] = np.arange(len(triangles))[:, None]
         incident[fixed] = -1
         moved, refused = _kernels.move_nodes(
-            points, triangles, neighbours, incident, size, springs, floor
+            points, triangles, neighbours, incident, awake, size, springs, floor
         )
         report["moves"] += moved
         report["refused_moves"] += refused
         report["flips"] += _kernels.flip_to_delaunay(
-            points, triangles, neighbours, MAXIMUM_FLIP_SWEEPS
+            points, triangles, neighbours, awake, MAXIMUM_FLIP_SWEEPS
         )
     return Smoothed(points, triangles, report)
