@@ -205,6 +205,6 @@ def _check_distance(
             f"node at ({longitude:.4f}, {latitude:.4f}) is {gap[worst] / 1e3:.1f} km "
             f"from the nearest place, ({table.longitude_deg[place]:.4f}, "
             f"{table.latitude_deg[place]:.4f}), more than {limit / 1e3:g} km; use a "
-            "table that covers the boundary (longitudes east positive, -180 to 180), "
+            "table that covers the boundary (longitudes are positive to the east), "
             "or raise max_forcing_distance_km"
         )
