@@ -278,3 +278,33 @@ def test_refused_soundings(tmp_path, text, message):
     assert "s.csv" in str(caught.value)
     if "line" in message:
         assert isinstance(caught.value, FormatError)
+
+
+def test_geotiff_in_feet_with_scale(tmp_path):
+    path = write_geotiff(
+        tmp_path / "feet.tif",
+        np.full((6, 8), -1000, "i2"),
+        from_origin(-80.0, 33.0, 0.1, 0.1),
+        "EPSG:4326",
+    )
+    with rasterio.open(path, "r+") as file:
+        file.units = ["ft"]
+        file.scales = [0.1]
+        file.offsets = [2.0]
+    assert np.allclose(read_raster(path).elevation, -98.0 * 0.3048)
+
+
+def test_more_cells_than_memory_are_refused(tmp_path):
+    path = tmp_path / "huge.nc"
+    with netCDF4.Dataset(path, "w") as file:
+        for name, unit, count, last in (
+            ("lat", "degrees_north", 12_000, 40.0),
+            ("lon", "degrees_east", 12_000, 50.0),
+        ):
+            file.createDimension(name, count)
+            axis = file.createVariable(name, "f8", (name,))
+            axis.units = unit
+            axis[:] = np.linspace(0.0, last, count)
+        file.createVariable("elevation", "i2", ("lat", "lon"), chunksizes=(100, 100))
+    with pytest.raises(InputError, match=r"12000 x 12000 cells.*gdalwarp"):
+        read_raster(path)

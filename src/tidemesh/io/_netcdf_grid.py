@@ -13,27 +13,11 @@ import pyproj
 
 from tidemesh.errors import InputError
 from tidemesh.geometry.systems import DEGREES
-from tidemesh.io._windows import Window
+from tidemesh.io._windows import METRES, Window
 
 _LONGITUDE = ("lon", "longitude", "long", "nav_lon")
 _LATITUDE = ("lat", "latitude", "nav_lat")
 _BED_NAMES = ("elevation", "bathymetry", "depth", "topo", "z", "altitude", "band1")
-_METRES = {
-    "m": 1.0,
-    "meter": 1.0,
-    "meters": 1.0,
-    "metre": 1.0,
-    "metres": 1.0,
-    "cm": 0.01,
-    "dm": 0.1,
-    "km": 1000.0,
-    "ft": 0.3048,
-    "feet": 0.3048,
-    "foot": 0.3048,
-    "us_survey_foot": 1200.0 / 3937.0,
-    "fathom": 1.8288,
-    "fathoms": 1.8288,
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,10 +211,10 @@ def _positive_down(variable: netCDF4.Variable) -> bool:
 def _unit(path: Path, variable: netCDF4.Variable) -> float:
     text = str(getattr(variable, "units", "m")).strip().lower()
     word = text.split()[0] if text else "m"
-    if word not in _METRES:
+    if word not in METRES:
         raise InputError(
             f'{path}: variable "{variable.name}" is in "{text}", not in a unit of '
             "length; name the variable that holds the bed elevation, or correct the "
             "attribute units"
         )
-    return _METRES[word]
+    return METRES[word]

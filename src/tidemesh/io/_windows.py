@@ -18,6 +18,27 @@ Box = tuple[float, float, float, float]
 MARGIN = 2
 """Cells kept around the box, so that it can be interpolated up to its edge."""
 
+MOST_CELLS = 100_000_000
+"""More would need over 4 GB on the way to the nodes."""
+
+METRES = {
+    "m": 1.0,
+    "meter": 1.0,
+    "meters": 1.0,
+    "metre": 1.0,
+    "metres": 1.0,
+    "cm": 0.01,
+    "dm": 0.1,
+    "km": 1000.0,
+    "ft": 0.3048,
+    "feet": 0.3048,
+    "foot": 0.3048,
+    "us_survey_foot": 1200.0 / 3937.0,
+    "fathom": 1.8288,
+    "fathoms": 1.8288,
+}
+"""Lengths (m) of the units that bed elevations come in."""
+
 
 @dataclass(frozen=True, eq=False)
 class Window:
@@ -95,6 +116,12 @@ def find_window(
                 "right file and its coordinate system the right one"
             )
         columns, rows = kept_columns, kept_rows
+    if len(columns) * len(rows) > MOST_CELLS:
+        raise InputError(
+            f"{path}: {len(columns)} x {len(rows)} cells in the area wanted are more "
+            f"than {MOST_CELLS:,}; make the grid coarser, for instance with gdalwarp "
+            "-r average -tr"
+        )
     return Window(columns, rows, x[columns], y[rows])
 
 

@@ -14,7 +14,7 @@ from tidemesh.datatypes import Raster
 from tidemesh.errors import InputError
 from tidemesh.geometry.systems import DEGREES, PLANE
 from tidemesh.io._netcdf_grid import open_grid
-from tidemesh.io._windows import Box, find_window, looks_like_degrees
+from tidemesh.io._windows import METRES, Box, find_window, looks_like_degrees
 from tidemesh.io.soundings import read_soundings
 
 __all__ = ["read_raster", "read_soundings"]
@@ -131,7 +131,9 @@ def _read_gdal(path: Path, variable, crs, box_deg):
 
             elevation = window.read(read_slab)
             scale, offset = dataset.scales[band - 1], dataset.offsets[band - 1]
-            elevation = elevation * scale + offset
+            # What is no length here says nothing: most files leave it out.
+            metres = METRES.get((dataset.units[band - 1] or "m").lower(), 1.0)
+            elevation = (elevation * scale + offset) * metres
             named = f"{dataset.descriptions[band - 1] or ''}".lower()
     except RasterioError as error:
         raise InputError(
