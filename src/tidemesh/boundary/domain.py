@@ -18,11 +18,14 @@ from tidemesh.datatypes import LAND, OCEAN, Domain, LedgerEntry, Ring
 from tidemesh.errors import InputError
 from tidemesh.geometry.polygons import (
     from_rings,
+    holes,
     lexicographic_first,
+    open_ring,
     polygon_parts,
     polygon_rings,
     polygonal,
     transform,
+    without_holes,
 )
 
 logger = logging.getLogger(__name__)
@@ -161,17 +164,24 @@ def _water(
     water = transform(water, plane.from_degrees)
     water = shapely.set_precision(water, grid)
     _check_size(water, settings, rules, plane)
+    # Islands that do not count must not make the water around them narrow either.
     kept, islets = [], []
     for polygon in polygon_parts(water):
-        rings = np.array(polygon.interiors)
-        islands = shapely.polygons(rings)
-        small = np.zeros(len(islands), dtype=bool)
-        if len(islands):
-            at = shapely.get_coordinates(shapely.centroid(islands))
-            small = shapely.area(islands) < _TRIANGLE * rules.minimum(at) ** 2
-        kept.append(Polygon(polygon.exterior, rings[~small]))
+        islands = holes(polygon)
+        small = _negligible(islands, rules, plane)
+        kept.append(without_holes(polygon, small))
         islets += list(islands[small])
     return shapely.MultiPolygon(kept), islets
+
+
+def _negligible(islands: np.ndarray, rules: LocalRules, plane: WorkPlane) -> np.ndarray:
+    """Islands below the least area, or too small for a triangle of the spacing."""
+    if not len(islands):
+        return np.zeros(0, dtype=bool)
+    at = shapely.get_coordinates(shapely.centroid(islands))
+    small = shapely.area(islands) < _TRIANGLE * rules.minimum(at) ** 2
+    area_m2 = shapely.area(transform(islands, plane.to_metres))
+    return small | (area_m2 < rules.island_m2(at))
 
 
 def _check_size(
@@ -340,24 +350,25 @@ def _drop_islands(
     plane: WorkPlane,
     grid: float,
 ) -> tuple[Polygon, list[LedgerEntry]]:
+    """Drop what is below the least area; list all that is dropped in the body."""
+    islands = holes(body)
+    small = _negligible(islands, rules, plane)
+    for i in np.flatnonzero(small):
+        small[i] = not on_line(open_ring(body.interiors[i]), line, 3.0 * grid).any()
+    kept = without_holes(body, small)
     shapely.prepare(body)
-    entries = [
-        _entry("island dropped", islet, 1.0, "too small for its spacing", plane)
-        for islet in islets
-        if body.covers(islet)
-    ]
-    kept = []
-    for ring in body.interiors:
-        island = Polygon(ring)
+    gone = [islet for islet in islets if body.covers(islet)] + list(islands[small])
+    entries = []
+    for island in gone:
         at = shapely.get_coordinates(island.centroid)
         least = float(rules.island_m2(at)[0])
-        at_sea = on_line(shapely.get_coordinates(ring)[:-1], line, 3.0 * grid).any()
-        if plane.area_m2(island) < least and not at_sea:
-            reason = f"smaller than {least / 1e6:g} km2"
-            entries.append(_entry("island dropped", island, 1.0, reason, plane))
-        else:
-            kept.append(ring)
-    return Polygon(body.exterior, kept), sorted(entries, key=_by_place)
+        reason = (
+            f"smaller than {least / 1e6:g} km2"
+            if plane.area_m2(island) < least
+            else "too small for its spacing"
+        )
+        entries.append(_entry("island dropped", island, 1.0, reason, plane))
+    return kept, sorted(entries, key=_by_place)
 
 
 def _set_ocean_nodes(

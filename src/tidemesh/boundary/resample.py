@@ -15,9 +15,11 @@ from tidemesh.datatypes import LedgerEntry
 from tidemesh.errors import InputError, MeshError
 from tidemesh.geometry.polygons import (
     from_rings,
+    holes,
     polygon_parts,
     polygon_rings,
     ring_area,
+    without_holes,
 )
 
 logger = logging.getLogger(__name__)
@@ -108,7 +110,7 @@ def resample(
             )
         )
         body = _main_part(without(body, narrow + bridges, grid), line, grid)
-        body = _without_islets(body, line, rules, grid)
+        body = _without_islets(body, rules)
         gained += plane.area_m2(body) - before
     else:
         longitude, latitude = plane.to_degrees(touching[:1])[0]
@@ -195,14 +197,10 @@ def _main_part(water: Geometry, line: Geometry, grid: float) -> Polygon:
     return max(parts, key=weight)
 
 
-def _without_islets(
-    body: Polygon, line: Geometry, rules: LocalRules, grid: float
-) -> Polygon:
+def _without_islets(body: Polygon, rules: LocalRules) -> Polygon:
     """Drop islands that the joining of land left too small for their spacing."""
-    kept = []
-    for ring in body.interiors:
-        island = Polygon(ring)
-        least = rules.minimum(shapely.get_coordinates(island.centroid))[0]
-        if island.area >= 0.25 * 3.0**0.5 * least**2:
-            kept.append(ring)
-    return Polygon(body.exterior, kept)
+    islands = holes(body)
+    if not len(islands):
+        return body
+    least = rules.minimum(shapely.get_coordinates(shapely.centroid(islands)))
+    return without_holes(body, shapely.area(islands) < 0.25 * 3.0**0.5 * least**2)

@@ -40,6 +40,7 @@ class LedgerEntry:
     longitude_deg: float
     latitude_deg: float
     area_m2: float
+    """Change of the water area: negative where water became land."""
     reason: str
 
 

@@ -60,6 +60,17 @@ def polygon_rings(polygon: Polygon) -> list[np.ndarray]:
     ]
 
 
+def holes(polygon: Polygon) -> np.ndarray:
+    """The holes of a polygon as an array (n,) of polygons."""
+    return np.array([Polygon(ring) for ring in polygon.interiors], dtype=object)
+
+
+def without_holes(polygon: Polygon, dropped: np.ndarray) -> Polygon:
+    """A polygon without those of its holes that are marked in an (n,) bool array."""
+    kept = [ring for ring, drop in zip(polygon.interiors, dropped) if not drop]
+    return Polygon(polygon.exterior, kept)
+
+
 def from_rings(rings: list[np.ndarray]) -> Polygon:
     """Polygon of an outer ring and holes; it need not be valid."""
     return Polygon(rings[0], rings[1:])
