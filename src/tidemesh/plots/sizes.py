@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
+from matplotlib.ticker import FuncFormatter
 
 from tidemesh.datatypes import CoastalMesh, SizeField
 from tidemesh.geometry.projection import Projection
@@ -14,6 +15,10 @@ from tidemesh.plots.maps import (
     draw_outline,
     new_axis,
     round_steps,
+)
+
+_TICKS = FuncFormatter(
+    lambda value, _: f"{value:,.4g}" if value < 1.0 else f"{value:,.0f}"
 )
 
 
@@ -58,7 +63,7 @@ def size_map(
     steps = round_steps(low, max(high, 1.01 * low))
     inside = steps[(steps >= low) & (steps <= high)]
     ticks = inside if len(inside) >= 2 else [low, high]
-    add_colour_bar(axis, shades, "node spacing (m)", ticks=ticks, format="%.4g")
+    add_colour_bar(axis, shades, "node spacing (m)", ticks=ticks, format=_TICKS)
     axis.set_title(f"Allowed node spacing: {_length(low)} to {_length(high)}")
     return axis
 

@@ -129,6 +129,7 @@ def _smallest_scaled_root(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.nda
     """Smallest positive root of a y**4 + 2 b y**3 + c y**2 = 1."""
 
     def value(y):
+        # Of the coefficients as they stand: part of them once some roots are found.
         return ((a * y + 2.0 * b) * y + c) * y * y - 1.0
 
     # 1. Where the coefficients oppose each other the polynomial may rise to a crest,
@@ -145,8 +146,11 @@ def _smallest_scaled_root(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.nda
     low = np.where(before, 0.6, np.maximum(trough, 0.6))
     high = np.where(before, np.minimum(crest, 5.0), 5.0)
 
-    # 2. Newton's method, halving the bracket wherever it would leave it.
-    y = 0.5 * (low + high)
+    # 2. Newton's method, halving the bracket wherever it would leave it. Few
+    #    roots, those near a crest, need many steps: only those are carried on.
+    root = 0.5 * (low + high)
+    todo = np.arange(len(root))
+    y = root.copy()
     for _ in range(_MAXIMUM_ITERATIONS):
         residual = value(y)
         high = np.where(residual > 0.0, y, high)
@@ -156,11 +160,13 @@ def _smallest_scaled_root(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.nda
             newton = y - residual / slope
         inside = (newton >= low) & (newton <= high)
         following = np.where(inside, newton, 0.5 * (low + high))
-        done = np.abs(following - y) <= 3e-16 * y
-        y = following
-        if done.all():
+        root[todo] = following
+        going = np.abs(following - y) > 3e-16 * y
+        if not going.any():
             break
-    return y
+        todo, y, low, high = (v[going] for v in (todo, following, low, high))
+        a, b, c = (coefficient[going] for coefficient in (a, b, c))
+    return root
 
 
 def _sizes_and_cosine(

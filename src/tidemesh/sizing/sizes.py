@@ -135,7 +135,7 @@ def choose_level(
 
     water = float(quality.area(mesh.points, mesh.triangles).sum())
     mean_spacing = math.sqrt(2.0 / math.sqrt(3.0) * water / settings.nodes)
-    guess = level_at_spacing(rule, mean_spacing, percentile=50.0)
+    guess = level_at_spacing(rule, mean_spacing, percentile=50.0, tolerance=0.05)
     if count is None:
         return find_level(expected, settings.nodes, guess=guess)
     slope = -1.0
@@ -149,7 +149,11 @@ def choose_level(
 
 
 def level_at_spacing(
-    rule: SizeRule, spacing: ArrayLike, *, percentile: float = 100.0
+    rule: SizeRule,
+    spacing: ArrayLike,
+    *,
+    percentile: float = 100.0,
+    tolerance: float = 1e-14,
 ) -> float:
     """Level at which a rule asks for a given spacing.
 
@@ -161,6 +165,8 @@ def level_at_spacing(
     percentile : float
         100: no node wants less than the spacing, and one wants just that. p: the
         share 100 - p of the defined nodes wants less.
+    tolerance : float
+        Of the logarithm of the level.
 
     Returns
     -------
@@ -184,7 +190,7 @@ def level_at_spacing(
     inner, outer = 0.0, -excess(0.0)
     for _ in range(_MAXIMUM_DOUBLINGS):
         if excess(outer) * excess(inner) <= 0.0:
-            return 10.0 ** brentq(excess, inner, outer, xtol=1e-14, rtol=1e-14)
+            return 10.0 ** brentq(excess, inner, outer, xtol=tolerance, rtol=1e-14)
         inner, outer = outer, 2.0 * outer
     raise InputError("the sizing rule does not depend on its level")
 
