@@ -138,7 +138,7 @@ def test_opens_in_xarray_and_xugrid(tmp_path, projection):
         assert opened["level"].dims == (grid.face_dimension,)
 
 
-def foreign(path, **changes):
+def foreign(path, depth_on="nodes", **changes):
     """A mesh as another program may write it: 1-based, degrees only, 3 by n faces."""
     with netCDF4.Dataset(path, "w") as file:
         file.createDimension("nodes", 4)
@@ -165,16 +165,16 @@ def foreign(path, **changes):
         faces = file.createVariable("faces", "i4", ("three", "cells"))
         faces.start_index = 1
         faces[:] = np.array([[1, 2, 3], [1, 3, 4]]).T
-        depth = file.createVariable("h", "f4", ("nodes",))
+        depth = file.createVariable("h", "f4", (depth_on,), fill_value=-999.0)
         depth.standard_name = "sea_floor_depth_below_geoid"
-        depth[:] = [1, 2, 3, 4]
+        depth[:] = [1, 2, 3, -999][: len(file.dimensions[depth_on])]
     return path
 
 
 def test_a_file_of_another_maker(tmp_path):
     mesh, fields = read_ugrid(foreign(tmp_path / "a.nc"))
     assert mesh.triangles.tolist() == [[0, 1, 2], [0, 2, 3]]
-    assert mesh.depth.tolist() == [1.0, 2.0, 3.0, 4.0]
+    assert np.array_equal(mesh.depth, [1.0, 2.0, 3.0, np.nan], equal_nan=True)
     assert "+lon_0=-79.5" in mesh.projection.crs
     back = mesh.projection.inverse(mesh.points)
     assert back[:, 0] == pytest.approx([-80.0, -79.0, -79.0, -80.0])
@@ -191,6 +191,8 @@ def test_files_that_cannot_be_read(tmp_path):
         read_ugrid(foreign(tmp_path / "a.nc", cf_role="other"))
     with pytest.raises(FormatError, match='a variable "cells_" that is missing'):
         read_ugrid(foreign(tmp_path / "a.nc", face_node_connectivity="cells_"))
+    with pytest.raises(FormatError, match=r"shape \(2,\); expected one depth for each"):
+        read_ugrid(foreign(tmp_path / "a.nc", depth_on="cells"))
     with pytest.raises(FormatError, match="no node coordinates"):
         read_ugrid(foreign(tmp_path / "a.nc", node_coordinates="a"))
 

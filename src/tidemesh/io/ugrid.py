@@ -131,7 +131,13 @@ def read_ugrid(path: str | Path) -> tuple[CoastalMesh, dict[str, Field]]:
         points, projection = _read_points(file, name, path)
         triangles = _read_triangles(file, name, path, len(points))
         depth_name = _depth_name(file, path)
-        depth = file[depth_name][:]
+        depth = _values(file[depth_name])
+        if depth.shape != (len(points),):
+            raise FormatError(
+                f'"{depth_name}" has shape {depth.shape}; expected one depth for each '
+                f"of the {len(points)} nodes",
+                path,
+            )
         fields = _read_fields(file, name, skip=depth_name)
         strings = _read_strings(file)
         mesh = CoastalMesh(points, triangles, depth, strings, projection)
@@ -407,6 +413,14 @@ def _attribute(variable: netCDF4.Variable, name: str, default: object = "") -> o
     return variable.getncattr(name) if name in variable.ncattrs() else default
 
 
+def _values(variable: netCDF4.Variable) -> np.ndarray:
+    """The values, NaN where a real number is missing."""
+    values = variable[:]
+    if values.dtype.kind == "f" and "_FillValue" in variable.ncattrs():
+        values = np.where(values == variable.getncattr("_FillValue"), np.nan, values)
+    return values
+
+
 def _mesh_name(file: netCDF4.Dataset, path: Path) -> str:
     for name, variable in file.variables.items():
         if (
@@ -504,7 +518,7 @@ def _read_fields(file: netCDF4.Dataset, mesh: str, skip: str) -> dict[str, Field
             or "amplitude_variable" in variable.ncattrs()
         ):
             continue
-        values = variable[:]
+        values = _values(variable)
         long_name = str(_attribute(variable, "long_name"))
         standard_name = str(_attribute(variable, "standard_name"))
         phase = str(_attribute(variable, "phase_variable"))

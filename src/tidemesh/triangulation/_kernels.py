@@ -54,8 +54,9 @@ def find(
             area = ux * vy - vx * uy
             if area == 0.0:
                 continue
-            second = (dx * vy - vx * dy) / area
-            third = (ux * dy - dx * uy) / area
+            scale = 1.0 / area
+            second = (dx * vy - vx * dy) * scale
+            third = (ux * dy - dx * uy) * scale
             first = 1.0 - second - third
             least = min(first, second, third)
             if least >= best:

@@ -16,7 +16,7 @@ TOLERANCE = 1e-9
 """Barycentric coordinates down to this much below zero still count as inside."""
 
 TRIANGLES_PER_CELL = 2.0
-CROWDED = 16
+CROWDED = 32
 """A cell with more triangles is divided into a grid of its own."""
 
 FINEST_DIVISION = 32
@@ -48,13 +48,15 @@ class Locator:
     Raises
     ------
     ValueError
-        If there are no triangles.
+        If there are no triangles, or a point is not finite.
     """
 
     def __init__(self, points: np.ndarray, triangles: np.ndarray):
-        points = np.asarray(points, dtype=np.float64)
+        points = np.array(points, dtype=np.float64)
         if len(triangles) == 0:
             raise ValueError("a mesh without triangles cannot be searched")
+        if not np.isfinite(points).all():
+            raise ValueError("the points of a mesh must be finite")
         self._points = points
         self._x = np.array(points[:, 0])
         self._y = np.array(points[:, 1])
