@@ -37,6 +37,7 @@ def clean(
     settings: ImproveSettings | None = None,
     *,
     size: np.ndarray,
+    wanted: int | None = None,
 ) -> Cleaned:
     """Remove nodes of short sides and low valence; divide long sides and wide corners.
 
@@ -52,6 +53,9 @@ def clean(
         Limits of sides and valence.
     size : (n_points,) float array
         m, target spacing at the nodes.
+    wanted : int, optional
+        Number of nodes to end with: the less needed removals, or insertions, are left
+        out. The given number by default.
 
     Returns
     -------
@@ -68,8 +72,14 @@ def clean(
     sides = Sides.of(triangles, n_given)
     ratio = 2.0 * sides.length(points) / (size[sides.start] + size[sides.end])
 
-    doomed = best_nodes(_crowding(sides, ratio, fixed, settings), sides)
-    divided = _divided(points, triangles, sides, ratio, doomed, settings)
+    crowding = _crowding(sides, ratio, fixed, settings)
+    doomed = best_nodes(crowding, sides)
+    need = _need(points, triangles, sides, ratio, doomed, settings)
+    divided = best_sides(need, sides, len(triangles))
+    surplus = n_given - (n_given if wanted is None else wanted)
+    n_doomed, n_divided = int(doomed.sum()), int(divided.sum())
+    _keep_best(doomed, crowding, n_divided + surplus)
+    _keep_best(divided, need, n_doomed - surplus)
     removed = _merge(points, triangles, doomed)
     points, triangles = _divide(points, triangles, sides.where(divided))
 
@@ -103,7 +113,14 @@ def _crowding(
     return score
 
 
-def _divided(
+def _keep_best(chosen: np.ndarray, score: np.ndarray, number: int) -> None:
+    """Drop the lowest scores, in place, until no more than a number are chosen."""
+    index = np.flatnonzero(chosen)
+    order = np.lexsort((index, -score[index]))
+    chosen[index[order[max(number, 0) :]]] = False
+
+
+def _need(
     points: np.ndarray,
     triangles: np.ndarray,
     sides: Sides,
@@ -111,14 +128,14 @@ def _divided(
     doomed: np.ndarray,
     settings: ImproveSettings,
 ) -> np.ndarray:
-    """(n_sides,) bool, sides to divide: long ones, and those that cut off a corner."""
+    """(n_sides,) need to divide: long sides, and those that cut off a corner."""
     score = np.where(ratio > settings.longest_side, ratio, 0.0)
     cut = _corner_cutting(points, triangles, sides)
     score[cut] += 1.0
     # Triangles of removed nodes are left alone.
     touched = doomed[triangles].any(axis=1)
     score[touched[sides.one] | touched[sides.other]] = 0.0
-    return best_sides(score, sides, len(triangles))
+    return score
 
 
 def _corner_cutting(

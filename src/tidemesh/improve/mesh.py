@@ -51,6 +51,7 @@ def improve_mesh(
     points, triangles = triangulate(domain, interior)
     # Triangles in the order of their nodes: the sweeps below then read memory in order.
     triangles = triangles[np.argsort(triangles.max(axis=1), kind="stable")]
+    n_given = len(points)
     n_fixed = sum(len(ring.points) for ring in domain.rings)
     size = np.asarray(spacing(points), dtype=np.float64)
     report = {"moves": 0.0, "refused_moves": 0.0, "flips": 0.0}
@@ -67,7 +68,9 @@ def improve_mesh(
             if number == 0:
                 # Later moves are too small to change the size at a node.
                 size = np.asarray(spacing(points), dtype=np.float64)
-            cleaned = clean(points, triangles, fixed, settings, size=size)
+            cleaned = clean(
+                points, triangles, fixed, settings, size=size, wanted=n_given
+            )
             points, triangles = cleaned.points, cleaned.triangles
             _add(report, cleaned.report)
             new = cleaned.source < 0

@@ -21,13 +21,15 @@ class ImproveSettings(
     "laplacian": each node to the mean of its neighbours, as published."""
     sweeps: Count = 5
     """Moves of every node in a round, each followed by a Delaunay re-triangulation."""
-    rounds: Annotated[int, msgspec.Meta(ge=1)] = 4
+    rounds: Annotated[int, msgspec.Meta(ge=1)] = 6
     """Rounds of smoothing; between two rounds nodes are removed and inserted."""
     clean: bool = True
     """Remove and insert nodes, and repair corners; False as published."""
-    shortest_side: Ratio = 0.7
-    """Sides shorter than this times their target lose an end."""
-    longest_side: Ratio = 1.5
+    shortest_side: Ratio = 0.8
+    """Sides shorter than this times their target lose an end. Of such removals and of
+    insertions, the same number is made, the most needed first: the count of nodes
+    stays."""
+    longest_side: Ratio = 1.3
     """Sides longer than this times their target get a node at their middle."""
     lowest_valence: Count = 4
     """Interior nodes with so few neighbours are removed."""
