@@ -52,7 +52,7 @@ def main():
             ("anywhere", rng.uniform(-2.5e5, 2.5e5, (1_000_000, 2))),
             ("as the nodes", even),
         ]:
-            find, (found, _) = cpu(locator.find, query)
+            find, _ = cpu(locator.find, query)
             outside, _ = cpu(locator.nearest, query + 1e6)
             value, _ = cpu(locator.interpolate, points[:, 0], query)
             size = sum(
