@@ -210,7 +210,10 @@ def tide_fields(tide: TideSolution) -> list[Field]:
                 f"{name} elevation of the sea surface",
             ),
             Field(
-                f"u_{name}", tide.velocity[c, :, 0], "m s-1", f"{name} eastward velocity"
+                f"u_{name}",
+                tide.velocity[c, :, 0],
+                "m s-1",
+                f"{name} eastward velocity",
             ),
             Field(
                 f"v_{name}",
@@ -374,7 +377,9 @@ class _NodeBudget:
             self._calls += 1
             self._progress(1.0 - 0.85**self._calls)
             field = self._sizes(level)
-            points, _, _, _ = make_triangles(self._case, self._domain, self._base, field)
+            points, _, _, _ = make_triangles(
+                self._case, self._domain, self._base, field
+            )
             tried[level] = len(points)
             off = abs(len(points) / nodes - 1.0)
             best = min(best, (off, level))
@@ -453,7 +458,10 @@ def place_nodes(
     case: Case, domain: Domain, base: CoastalMesh, field: SizeField
 ) -> hierarchy.Selection:
     """Nodes on the boundary and inside that follow a size field."""
-    kept = base.points if case.hierarchy.near_shore == "keep" else None
+    kept = None
+    if case.hierarchy.near_shore == "keep":
+        # The ring points come first; what is kept of the base grid lies inside.
+        kept = base.points[sum(len(ring.points) for ring in domain.rings) :]
     return hierarchy.select_points(
         domain, locate.as_function(field), case.hierarchy, near_shore_points=kept
     )
@@ -465,7 +473,7 @@ def make_triangles(
     """Points, triangles, resampled domain and what was done."""
     selection = place_nodes(case, domain, base, field)
     points, triangles, report = improve.improve_mesh(
-        selection.domain, selection.interior, locate.as_function(field), case.improve
+        selection.domain, selection.interior, selection.spacing, case.improve
     )
     reports = {"hierarchy": _plain(selection.report), "improve": _plain(report)}
     return points, triangles, selection.domain, reports
@@ -599,9 +607,7 @@ def _range(values: np.ndarray) -> list[float]:
 def _plain(report: Any) -> Any:
     """Dataclasses and named tuples as dictionaries, arrays left out."""
     if dataclasses.is_dataclass(report):
-        report = {
-            f.name: getattr(report, f.name) for f in dataclasses.fields(report)
-        }
+        report = {f.name: getattr(report, f.name) for f in dataclasses.fields(report)}
     elif hasattr(report, "_asdict"):
         report = report._asdict()
     if isinstance(report, dict):
