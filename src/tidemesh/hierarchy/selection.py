@@ -97,8 +97,13 @@ def select_points(
     # 6-7. Its nodes and, if wanted, those of the strip along the shore.
     report = dict(shore.report)
     if settings.near_shore == "keep":
-        strip = _strip(shore.domain, near_shore_points, settings.strip_width_m)
-        interior = _with_strip(interior, strip, shore.domain, shore.spacing, settings)
+        width = settings.strip_width_m
+        interior = interior[~_near_land(shore.domain, interior, width)]
+        strip = np.empty((0, 2))
+        if near_shore_points is not None and len(near_shore_points):
+            near = _near_land(shore.domain, near_shore_points, width)
+            strip = np.asarray(near_shore_points, dtype=np.float64)[near]
+        interior = _with_strip(interior, strip, shore.spacing, settings)
         report["strip_points"] = float(len(strip))
     report["interior_points"] = float(len(interior))
     return Selection(shore.domain, interior, shore.spacing, report)
@@ -207,41 +212,26 @@ def _typical_spacing(water: _Water, spacing: Spacing) -> float:
     return float(1.0 / np.sqrt(np.mean(spacing(points) ** -2.0)))
 
 
-def _strip(domain: Domain, points: np.ndarray | None, width: float) -> np.ndarray:
-    """Given nodes within a distance of land."""
-    if points is None or not len(points):
-        return np.empty((0, 2))
-    land = _land_segments(domain)
-    near, _ = shapely.STRtree(land).query(
-        shapely.points(points), predicate="dwithin", distance=width
-    )
-    return points[np.unique(near)]
-
-
-def _land_segments(domain: Domain) -> np.ndarray:
+def _near_land(domain: Domain, points: np.ndarray, width: float) -> np.ndarray:
+    """(n,) bool, points within a distance of land."""
     ends = [
         np.stack([ring.points, np.roll(ring.points, -1, axis=0)], axis=1)[
             ring.segment_kind == LAND
         ]
         for ring in domain.rings
     ]
-    return shapely.linestrings(np.concatenate(ends))
+    land = shapely.multilinestrings(shapely.linestrings(np.concatenate(ends)))
+    shapely.prepare(land)
+    return shapely.dwithin(land, shapely.points(points), width)
 
 
 def _with_strip(
     interior: np.ndarray,
     strip: np.ndarray,
-    domain: Domain,
     spacing: Spacing,
     settings: HierarchySettings,
 ) -> np.ndarray:
     """Offshore nodes clear of the strip, then the strip's own."""
-    near, _ = shapely.STRtree(_land_segments(domain)).query(
-        shapely.points(interior), predicate="dwithin", distance=settings.strip_width_m
-    )
-    offshore = np.ones(len(interior), dtype=bool)
-    offshore[near] = False
-    interior = interior[offshore]
     if not len(strip) or not len(interior):
         return np.concatenate([interior, strip])
     need = settings.seam_factor * spacing(interior)
