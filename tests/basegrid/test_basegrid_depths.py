@@ -238,7 +238,7 @@ def test_hole_over_water_is_refused():
     holed[10:24, 10:24] = np.nan
     holed = Raster(raster.x, raster.y, holed, "", "holed")
     points = somewhere()
-    with pytest.raises(InputError, match=r"leave a hole: \d+ nodes.*max_hole_km"):
+    with pytest.raises(InputError, match=r"\d+ nodes lie in a hole.*max_hole_km"):
         sample_depths(points, PLANE, [holed])
     depth, _ = sample_depths(points, PLANE, [holed, raster])
     # Beside the hole the cells at hand decide: up to one cell times the slope.

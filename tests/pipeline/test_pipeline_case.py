@@ -16,7 +16,7 @@ from tidemesh.pipeline.case import read_case
         ("domain.ocean.kind=arch", ['"arch"', '"arc"', "domain.ocean.kind"]),
         ("domian.box_deg=[1]", ["domian", 'did you mean "domain"']),
         ("domain.box_deg=[1,2]", ["domain.box_deg", "length 4"]),
-        ("depth.sources=[]", ["depth.sources", "length >= 1"]),
+        ("depth.sources=[]", ["depth.sources is empty", "at least one"]),
         ("domain.min_spacing_deg=0.1", ["exactly one of min_spacing_m"]),
         ("nodes", ["section.key=value"]),
     ],

@@ -236,7 +236,8 @@ def _nearest_water(points, place, covered, projection, sources, settings):
             'positive = "down" for depths'
         )
     gap, nearest = cKDTree(at).query(points)
-    source_checks.check_holes(place, covered, gap, settings)
+    names = ", ".join(source.name or "unnamed source" for source in sources)
+    source_checks.check_holes(place, covered, gap, settings, names)
     return elevation[nearest], gap
 
 

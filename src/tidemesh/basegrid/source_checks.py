@@ -103,14 +103,18 @@ def check_sign(raster: Raster, ground: np.ndarray, place: np.ndarray) -> None:
 
 
 def check_holes(
-    place: np.ndarray, covered: np.ndarray, gap: np.ndarray, settings: DepthSettings
+    place: np.ndarray,
+    covered: np.ndarray,
+    gap: np.ndarray,
+    settings: DepthSettings,
+    names: str = "the sources of depths",
 ) -> None:
     """Nodes without water must be near some; ``gap`` (n,) is the distance (m)."""
     hole = ~covered & (gap > 1e3 * settings.max_hole_km)
     if hole.any():
         raise InputError(
-            f"the sources of depths leave a hole: {int(hole.sum())} nodes are in no "
-            f"source and up to {gap[hole].max() / 1e3:.1f} km from the nearest known "
+            f"{names}: {int(hole.sum())} nodes lie in a hole of every source, up to "
+            f"{gap[hole].max() / 1e3:.1f} km from the nearest known "
             f"water, {places(place[hole])}; add a source that covers them, or raise "
             f"depth.max_hole_km ({settings.max_hole_km:g} km)"
         )

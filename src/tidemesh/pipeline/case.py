@@ -55,6 +55,12 @@ class Case(msgspec.Struct, **_STRICT):
     improve: ImproveSettings = ImproveSettings()
     output: OutputSettings = OutputSettings()
 
+    def __post_init__(self) -> None:
+        if not self.depth.sources:
+            raise ValueError(
+                "depth.sources is empty: name at least one raster or file of soundings"
+            )
+
 
 def read_case(path: str | Path, overrides: Sequence[str] = ()) -> Case:
     """Read a case file.
@@ -257,10 +263,7 @@ def _allowed_values(steps: Sequence[str | int], data: Any) -> list[str]:
         return allowed
     # The tag of a union is no field of its own: list the tags instead.
     for kind in _types(steps[:-1], {}):
-        if (
-            isinstance(kind, msgspec.inspect.StructType)
-            and kind.tag_field == steps[-1]
-        ):
+        if isinstance(kind, msgspec.inspect.StructType) and kind.tag_field == steps[-1]:
             allowed.append(str(kind.tag))
     return allowed
 

@@ -147,7 +147,7 @@ def run_stages(
     reporter = reporter or SilentReporter()
     names = [stage.name for stage in stages]
     if until is not None and until not in names:
-        raise InputError(f'--until {until}: expected one of {", ".join(names)}')
+        raise InputError(f"--until {until}: expected one of {', '.join(names)}")
     last = names.index(until) + 1 if until else len(stages)
     output = Path(output)
     _check_writable(output)
