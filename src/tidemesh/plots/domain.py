@@ -19,11 +19,13 @@ from tidemesh.plots.maps import (
     VERMILION,
     Frame,
     add_colour_bar,
+    add_legend,
     draw_outline,
     mark_window,
     new_axis,
     panels_beside,
     round_steps,
+    window_about,
 )
 
 
@@ -103,6 +105,7 @@ def boundary_before_after(
     axis = new_axis(axis)
     frame = Frame(domain.projection)
     rings = [frame.place(ring.points) for ring in domain.rings]
+    frame.decorate(axis, np.concatenate(rings))
     low = np.min([xy.min(axis=0) for xy in rings], axis=0)
     high = np.max([xy.max(axis=0) for xy in rings], axis=0)
     # Wide enough to hold most of what was cut off, so that it can be told from the sea.
@@ -113,7 +116,7 @@ def boundary_before_after(
     lost = _water_lost(near, domain, rings, frame, low - margin, high + margin)
 
     if zoom_deg is None:
-        window = _window_at_loss(domain, frame, low, high)
+        window = _window_at_loss(axis, domain, frame, 0.06 * (high - low))
     else:
         window = frame.place_degrees(np.reshape(zoom_deg, (2, 2)))
     panels = [] if window is None else panels_beside(axis, 1)
@@ -128,24 +131,21 @@ def boundary_before_after(
                     LineCollection(segments[part], colors=colour, linewidths=width),
                     autolim=False,
                 )
-    frame.decorate(axis, np.concatenate(rings))
     for panel in panels:
         mark_window(axis, panel, window, "a")
-    axis.legend(
+    add_legend(
+        axis,
         handles=[
             Patch(facecolor="0.9", edgecolor=VERMILION, label="land as read"),
+            Patch(facecolor=ORANGE, alpha=0.7, label="water removed"),
             Line2D([], [], color=BLACK, label="boundary kept: land"),
             Line2D([], [], color=BLUE, label="boundary kept: open sea"),
-            Patch(facecolor=ORANGE, alpha=0.7, label="water removed"),
         ],
-        loc="lower right",
-        fontsize=8,
-        framealpha=0.9,
     )
     read, kept = shapely.get_num_coordinates(near), sum(len(xy) for xy in rings)
     axis.set_title(
         f"Boundary: {read:,} shoreline points read, {kept:,} kept, "
-        f"{len(domain.ledger):,} changes"
+        f"{len(domain.ledger):,} ledger entries"
     )
     return axis
 
@@ -185,15 +185,16 @@ def _fill(axis: Axes, geometry, frame: Frame, **style) -> None:
     axis.add_collection(PathCollection(paths, **style), autolim=False)
 
 
-def _window_at_loss(domain: Domain, frame: Frame, low, high) -> np.ndarray | None:
-    """A tenth of the domain about the largest water removed."""
+def _window_at_loss(
+    axis: Axes, domain: Domain, frame: Frame, half: np.ndarray
+) -> np.ndarray | None:
+    """Window about the largest water removed."""
     losses = [entry for entry in domain.ledger if entry.area_m2 < 0.0]
     if not losses:
         return None
     largest = min(losses, key=lambda entry: entry.area_m2)
     centre = frame.place_degrees([largest.longitude_deg, largest.latitude_deg])[0]
-    half = 0.06 * (high - low)
-    return np.array([centre - half, centre + half])
+    return window_about(axis, centre, half)
 
 
 def _pairs(triangulation) -> np.ndarray:

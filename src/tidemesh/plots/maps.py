@@ -160,8 +160,9 @@ def mark_window(axis: Axes, panel: Axes, window: np.ndarray, name: str) -> None:
         color=VERMILION,
         fontweight="bold",
         textcoords="offset points",
-        xytext=(0, 3),
+        xytext=(0, 4),
         zorder=5,
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8},
     )
 
 
@@ -201,6 +202,26 @@ def draw_nodal_values(axis: Axes, triangulation: Triangulation, values, **style)
     return axis.tripcolor(
         triangulation, np.where(undefined, 0.0, values), shading="gouraud", **style
     )
+
+
+def add_legend(axis: Axes, **options) -> None:
+    """Legend below a map, where it hides nothing."""
+    axis.legend(
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.09),
+        ncols=2,
+        frameon=False,
+        fontsize=9,
+        **options,
+    )
+
+
+def window_about(axis: Axes, centre: np.ndarray, half: np.ndarray) -> np.ndarray:
+    """Window of half widths about a centre, moved to lie within a map: (2, 2)."""
+    low, high = np.array([axis.get_xlim(), axis.get_ylim()]).T
+    half = np.minimum(half, 0.5 * (high - low))
+    centre = np.clip(centre, low + half, high - half)
+    return np.array([centre - half, centre + half])
 
 
 def add_colour_bar(axis: Axes, mappable, label: str, **options) -> Colorbar:

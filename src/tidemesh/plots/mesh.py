@@ -15,10 +15,12 @@ from tidemesh.plots.maps import (
     ORANGE,
     PURPLE,
     Frame,
+    add_legend,
     draw_outline,
     mark_window,
     new_axis,
     panels_beside,
+    window_about,
 )
 from tidemesh.triangulation import quality
 
@@ -45,11 +47,12 @@ def mesh_map(
     axis = new_axis(axis)
     frame = Frame(mesh.projection)
     xy = frame.place(mesh.points)
-    axis.triplot(*xy.T, mesh.triangles, color=BLACK, linewidth=0.2)
+    width = float(np.clip(20.0 / np.sqrt(len(xy)), 0.1, 0.5))
+    axis.triplot(*xy.T, mesh.triangles, color=BLACK, linewidth=width)
     draw_outline(axis, mesh, frame, width=0.7)
     frame.decorate(axis, xy)
     if zooms_deg is None:
-        windows = _smallest_elements(mesh, xy)
+        windows = _smallest_elements(axis, mesh, xy)
     else:
         windows = [frame.place_degrees(np.reshape(zoom, (2, 2))) for zoom in zooms_deg]
     panels = panels_beside(axis, len(windows), width=0.55)
@@ -113,7 +116,7 @@ def boundary_strings(mesh: CoastalMesh, *, axis: Axes | None = None) -> Axes:
         if total[kind]:
             label = f"{names[kind]}: {total[kind]}"
             axis.plot([], [], color=shades[0], label=label)
-    axis.legend(loc="lower right", fontsize=8)
+    add_legend(axis)
     frame.decorate(axis, xy)
     axis.set_title("Boundary strings (O open, L land, numbered as in fort.14)")
     return axis
@@ -126,7 +129,9 @@ def _near(mesh: CoastalMesh, xy: np.ndarray, window: np.ndarray) -> np.ndarray:
     return mesh.triangles[touches.all(axis=1)]
 
 
-def _smallest_elements(mesh: CoastalMesh, xy: np.ndarray) -> list[np.ndarray]:
+def _smallest_elements(
+    axis: Axes, mesh: CoastalMesh, xy: np.ndarray
+) -> list[np.ndarray]:
     """Square windows about the smallest element and the smallest one far from it."""
     size = np.sqrt(np.abs(quality.area(mesh.points, mesh.triangles)))
     centre = mesh.points[mesh.triangles].mean(axis=1)
@@ -141,6 +146,6 @@ def _smallest_elements(mesh: CoastalMesh, xy: np.ndarray) -> list[np.ndarray]:
     for element in chosen:
         half = min(30.0 * size[element], 0.1 * extent) * per_metre
         middle = xy[mesh.triangles[element]].mean(axis=0)
-        windows.append(np.array([middle - half, middle + half]))
+        windows.append(window_about(axis, middle, half))
     # From north to south, as the panels are.
     return sorted(windows, key=lambda window: -window[0, 1])

@@ -32,6 +32,7 @@ def quality_histogram(mesh: CoastalMesh, *, axis: Axes | None = None) -> Axes:
     ):
         axis.axvline(value, color=colour, linewidth=1.5, label=f"{name} {value:.3f}")
     axis.set_xlim(0.0, 1.02)
+    axis.set_box_aspect(0.6)
     axis.set_xlabel("element quality q (1 = equilateral)")
     axis.set_ylabel("elements")
     axis.legend(loc="upper left")
