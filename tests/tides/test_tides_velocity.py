@@ -46,7 +46,7 @@ def test_recovered_gradient_where_no_quadratic_fits():
     x = np.repeat(np.arange(4.0), 2)
     points = np.column_stack([x, np.tile([0.0, 1.0], 4)])
     k = 2 * np.arange(3)[:, None]
-    triangles = np.concatenate([k + [0, 2, 1], k + [1, 2, 3]])
+    triangles = np.concatenate([k + np.array([0, 2, 1]), k + np.array([1, 2, 3])])
     strip = CoastalMesh(points, triangles, np.ones(8))
     field = points @ [2.0, 3.0] + 0j
     gradient = recovered_gradient(strip, Elements.of(strip), field)

@@ -1,4 +1,4 @@
-"""Sparse direct solution: fill-reducing order, factors, many right-hand sides."""
+"""Sparse direct solution: factors once, many right-hand sides."""
 
 from __future__ import annotations
 
@@ -11,37 +11,10 @@ from threadpoolctl import threadpool_limits
 
 from tidemesh.errors import EngineError
 
-try:
-    import pymetis
-except ImportError:  # no wheels on every platform; SuperLU has an order of its own
-    pymetis = None
-
 logger = logging.getLogger(__name__)
 
 RESIDUAL_LIMIT = 1.0e-10
 """Relative residual above which the factors are formed again with pivoting."""
-
-
-def nested_dissection(graph: sparse.csr_array) -> np.ndarray | None:
-    """Fill-reducing elimination order of a symmetric graph, or None without METIS.
-
-    Parameters
-    ----------
-    graph : (n, n) csr array
-        Pattern without the diagonal.
-
-    Returns
-    -------
-    order : (n,) int array or None
-        ``order[k]`` is the unknown to be eliminated as number k.
-    """
-    if pymetis is None or graph.shape[0] < 2:
-        return None
-    adjacency = pymetis.CSRAdjacency(graph.indptr, graph.indices)
-    # Fewer refinement passes than the default: a fifth less work, the same fill.
-    options = pymetis.Options(seed=1, niter=3)
-    order, _ = pymetis.nested_dissection(adjacency=adjacency, options=options)
-    return np.asarray(order)
 
 
 class Factorisation:
@@ -50,8 +23,7 @@ class Factorisation:
     Parameters
     ----------
     matrix : (n, n) csc array
-    ordered : bool
-        True if the unknowns already are in a fill-reducing order.
+        Unknowns in a fill-reducing order.
 
     Notes
     -----
@@ -63,9 +35,8 @@ class Factorisation:
     work on the small dense blocks that occur here.
     """
 
-    def __init__(self, matrix: sparse.csc_array, *, ordered: bool):
+    def __init__(self, matrix: sparse.csc_array):
         self.matrix = matrix
-        self._order = "NATURAL" if ordered else "MMD_AT_PLUS_A"
         self._factors = self._factorise(pivoting=False)
         self._pivoting = False
 
@@ -102,7 +73,7 @@ class Factorisation:
             with threadpool_limits(1, "blas"):
                 return splu(
                     self.matrix,
-                    permc_spec="COLAMD" if pivoting else self._order,
+                    permc_spec="COLAMD" if pivoting else "NATURAL",
                     diag_pivot_thresh=1.0 if pivoting else 0.001,
                     options=options,
                 )

@@ -19,9 +19,10 @@ import scipy.sparse as sparse
 from tidemesh.constants import EARTH_ROTATION
 from tidemesh.datatypes import CoastalMesh
 from tidemesh.errors import EngineError, InputError, MeshError
-from tidemesh.tides.frequency_domain.direct import Factorisation, nested_dissection
+from tidemesh.tides.frequency_domain.direct import Factorisation
 from tidemesh.tides.frequency_domain.elements import MASS, Elements
 from tidemesh.tides.frequency_domain.metric import elements_on_sphere
+from tidemesh.tides.frequency_domain.ordering import nested_dissection
 from tidemesh.tides.settings import TideSettings
 
 
@@ -101,7 +102,7 @@ class WaveEquation:
         self._element_coriolis = (
             None if self.coriolis is None else elements.mean(self.coriolis)
         )
-        self._place, self._n_free, self._ordered = self._number_unknowns()
+        self._place, self._n_free = self._number_unknowns()
 
     def factorise(self, symbols: Symbols) -> FactorisedWave:
         """Assemble and factorise at one frequency."""
@@ -210,7 +211,7 @@ class WaveEquation:
         back = sparse.csc_array((values - turning, (columns, rows)), shape=shape)
         return forth + back
 
-    def _number_unknowns(self) -> tuple[np.ndarray, int, bool]:
+    def _number_unknowns(self) -> tuple[np.ndarray, int]:
         """Place of every node in solution order: free nodes first, open nodes last."""
         n = len(self.mesh.points)
         is_free = np.ones(n, dtype=bool)
@@ -225,11 +226,10 @@ class WaveEquation:
         ends = ends[:, (ends < len(free)).all(axis=0)]
         ones = np.ones(ends.shape[1], dtype=np.int8)
         sides = sparse.csr_array((ones, (ends[0], ends[1])), shape=(len(free),) * 2)
-        order = nested_dissection(sides + sides.T.tocsr())
-        if order is None:
-            return place, len(free), False
+        once = sparse.triu(sides + sides.T.tocsr(), format="coo").coords
+        order = nested_dissection(self.mesh.points[free], np.stack(once))
         place[free[order]] = np.arange(len(free))
-        return place, len(free), True
+        return place, len(free)
 
 
 class FactorisedWave:
@@ -243,7 +243,7 @@ class FactorisedWave:
     ):
         self.equation = equation
         self._forcing = forcing
-        self._factorisation = Factorisation(interior, ordered=equation._ordered)
+        self._factorisation = Factorisation(interior)
 
     def elevation(self, open_elevation: np.ndarray) -> np.ndarray:
         """Elevation from its values at the open nodes.
