@@ -72,9 +72,9 @@ class SizingSettings(
     gradation: Positive = 0.25
     """Greatest growth of the spacing (m) per m; 0.15 to 0.35 is usual, inf is no limit,
     as in the paper."""
-    channel_elements: Annotated[float, msgspec.Meta(ge=0)] = 1.0
-    """Least number of elements between opposite banks, as far as min_m allows; 0 for
-    no regard to channels, as in the paper."""
+    channel_elements: Annotated[float, msgspec.Meta(ge=0)] = 2.0
+    """Least number of elements between opposite banks, as far as min_m allows, so that
+    a node stands in the stream; 0 for no regard to channels, as in the paper."""
     follow_boundary: bool = False
     """Keep the spacing at the boundary at or below that of the boundary points of the
     base grid."""
