@@ -18,6 +18,7 @@ import numpy as np
 
 from tidemesh.datatypes import TideSolution
 from tidemesh.errors import FormatError, InputError
+from tidemesh.io.files import atomic
 
 DRY = -99999.0
 """What ADCIRC writes where a node has no value."""
@@ -210,14 +211,15 @@ def _reading(path: Path) -> Iterator[TextIO]:
 
 @contextmanager
 def _writing(path: Path) -> Iterator[TextIO]:
-    if path.suffix != ".gz":
-        with open(path, "w", encoding="utf-8", newline="\n") as file:
+    with atomic(path) as temporary:
+        if path.suffix != ".gz":
+            with open(temporary, "w", encoding="utf-8", newline="\n") as file:
+                yield file
+            return
+        # No name and no time in the header: the same solution gives the same bytes.
+        with (
+            open(temporary, "wb") as raw,
+            gzip.GzipFile("", "wb", fileobj=raw, mtime=0) as packed,
+            io.TextIOWrapper(packed, encoding="utf-8", newline="\n") as file,
+        ):
             yield file
-        return
-    # No name and no time in the header: the same solution gives the same bytes.
-    with (
-        open(path, "wb") as raw,
-        gzip.GzipFile("", "wb", fileobj=raw, mtime=0) as packed,
-        io.TextIOWrapper(packed, encoding="utf-8", newline="\n") as file,
-    ):
-        yield file

@@ -30,8 +30,9 @@ def nested_dissection(points: np.ndarray, sides: np.ndarray) -> np.ndarray:
 
     Notes
     -----
-    On meshes of near-equilateral triangles the factors are as large as with METIS, on
-    irregular ones a fifth larger, at a third of its time.
+    On lattices of equilateral triangles the factors are as large as with METIS, on
+    irregular meshes by a fifth larger (in mazes of creeks by a half); the order takes a
+    third of its time, which makes up for it.
     """
     n = len(points)
     tails, heads = sides
