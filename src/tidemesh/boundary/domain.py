@@ -10,10 +10,25 @@ import shapely
 from shapely import Geometry, Polygon
 
 from tidemesh.boundary.ocean import box_polygon, ocean_nodes, ocean_polygon
-from tidemesh.boundary.plane import LocalRules, WorkPlane, unwrapped_box, work_plane
+from tidemesh.boundary.plane import (
+    LocalRules,
+    WorkPlane,
+    box_in_degrees,
+    follow_in_degrees,
+    unwrapped_box,
+    work_plane,
+)
 from tidemesh.boundary.resample import resample
 from tidemesh.boundary.settings import DomainSettings
-from tidemesh.boundary.water import inside_limit, narrow_parts, on_line, runs, without
+from tidemesh.boundary.water import (
+    LEAST_WIDTH,
+    inside_limit,
+    main_part,
+    narrow_parts,
+    on_line,
+    runs,
+    without,
+)
 from tidemesh.datatypes import LAND, OCEAN, Domain, LedgerEntry, Ring
 from tidemesh.errors import InputError
 from tidemesh.geometry.polygons import (
@@ -100,6 +115,8 @@ def build_domain(
     ledger += _lost_water(body, bodies, narrow, line, limit, plane, grid)
     ledger += _check_the_box(body, line, edge, plane, grid)
 
+    body, entries = _leave_the_shore(body, line, rules, plane, grid)
+    ledger += entries
     body, entries = _drop_islands(body, islets, line, rules, plane, grid)
     ledger += entries
 
@@ -148,19 +165,17 @@ def _water(
     grid: float,
 ) -> tuple[Geometry, list[Polygon]]:
     """Water of the box and a margin, in work coordinates, and islets too small."""
-    west, south, east, north = unwrapped_box(settings)
-    box = shapely.box(west, south, east, north)
-    land = shapely.intersection(land, box)
+    land = shapely.intersection(polygonal(land), box_in_degrees(settings))
     for region, finer in zip(settings.regions, region_land):
         if finer is not None:
             polygon = Polygon(region.polygon_deg)
             inside = shapely.intersection(finer, polygon)
             land = shapely.union(shapely.difference(land, polygon), inside)
     # Beyond the box nothing is known: as open water it makes nothing narrow there.
+    west, south, east, north = unwrapped_box(settings)
     margin = 0.05 * max(east - west, north - south)
     frame = shapely.box(west - margin, south - margin, east + margin, north + margin)
-    # Parallels are curved on most maps, so long straight sides are followed in steps.
-    water = shapely.segmentize(shapely.difference(frame, land), 0.02 * (east - west))
+    water = follow_in_degrees(shapely.difference(frame, land), settings)
     water = transform(water, plane.from_degrees)
     water = shapely.set_precision(water, grid)
     _check_size(water, settings, rules, plane)
@@ -305,6 +320,24 @@ def _lost_water(
         if not piece.is_empty:
             entries.append(_entry(action, piece, -1.0, reason, plane))
     return sorted(entries, key=_by_place)
+
+
+def _leave_the_shore(
+    body: Polygon, line: Geometry, rules: LocalRules, plane: WorkPlane, grid: float
+) -> tuple[Polygon, list[LedgerEntry]]:
+    """Fill slivers of water between the open boundary and a shore along it."""
+    narrow = narrow_parts(body, rules, share=LEAST_WIDTH, grid=grid)
+    slivers = [part for part in narrow if shapely.dwithin(line, part, 2.0 * grid)]
+    if not slivers:
+        return body, []
+    body, cut = main_part(without(body, slivers, grid), line, grid)
+    behind = "behind a sliver of water at the open boundary"
+    between = "sliver between the open boundary and the shore"
+    entries = [
+        _entry("narrow water removed", part, -1.0, between, plane) for part in slivers
+    ]
+    entries += [_entry("water cut off", part, -1.0, behind, plane) for part in cut]
+    return body, sorted(entries, key=_by_place)
 
 
 def _check_the_box(

@@ -8,7 +8,12 @@ import numpy as np
 import shapely
 from shapely import Geometry, Polygon
 
-from tidemesh.boundary.plane import WorkPlane, unwrapped_box
+from tidemesh.boundary.plane import (
+    WorkPlane,
+    box_in_degrees,
+    follow_in_degrees,
+    unwrapped_box,
+)
 from tidemesh.boundary.settings import (
     DomainSettings,
     OceanArc,
@@ -27,11 +32,9 @@ _ARC_POINTS = 7200
 _CORNER_DEG = 20.0
 
 
-def box_polygon(settings: DomainSettings, plane: WorkPlane, margin: float = 0.0):
-    """The box, its sides followed in degrees, as a polygon in work coordinates."""
-    west, south, east, north = unwrapped_box(settings)
-    box = shapely.box(west - margin, south - margin, east + margin, north + margin)
-    return transform(shapely.segmentize(box, _step(settings)), plane.from_degrees)
+def box_polygon(settings: DomainSettings, plane: WorkPlane) -> Polygon:
+    """The box in work coordinates."""
+    return transform(box_in_degrees(settings), plane.from_degrees)
 
 
 def ocean_polygon(
@@ -61,17 +64,9 @@ def ocean_polygon(
         return polygon, polygon.exterior
     if isinstance(ocean, OceanPolygon):
         polygon = _drawn_polygon(ocean, drawn)
-        polygon = transform(
-            shapely.segmentize(polygon, _step(settings)), plane.from_degrees
-        )
+        polygon = transform(follow_in_degrees(polygon, settings), plane.from_degrees)
         return polygon, polygon.exterior
     return box_polygon(settings, plane), _box_edges(settings, ocean, plane)
-
-
-def _step(settings: DomainSettings) -> float:
-    """Step in which lines that are straight in degrees are followed on the map."""
-    west, south, east, north = unwrapped_box(settings)
-    return min(0.02, (east - west) / 8.0, (north - south) / 8.0)
 
 
 def _disc(ocean: OceanArc, plane: WorkPlane) -> Polygon:
@@ -111,16 +106,17 @@ def _drawn_polygon(ocean: OceanPolygon, drawn: Geometry | None) -> Polygon:
 def _box_edges(
     settings: DomainSettings, ocean: OceanEdges, plane: WorkPlane
 ) -> Geometry:
+    outline = shapely.get_coordinates(box_in_degrees(settings))
     west, south, east, north = unwrapped_box(settings)
-    corners = {
-        "south": [(west, south), (east, south)],
-        "east": [(east, south), (east, north)],
-        "north": [(east, north), (west, north)],
-        "west": [(west, north), (west, south)],
-    }
-    lines = [shapely.LineString(corners[edge]) for edge in sorted(set(ocean.edges))]
-    lines = shapely.segmentize(np.array(lines), _step(settings))
-    return shapely.union_all(transform(lines, plane.from_degrees))
+    sides = {"west": (0, west), "east": (0, east), "south": (1, south)}
+    sides["north"] = (1, north)
+    lines = []
+    for edge in sorted(set(ocean.edges)):
+        axis, value = sides[edge]
+        along = outline[outline[:, axis] == value]
+        order = np.argsort(along[:, 1 - axis], kind="stable")
+        lines.append(shapely.LineString(plane.from_degrees(along[order])))
+    return shapely.line_merge(shapely.union_all(lines))
 
 
 def ocean_nodes(

@@ -101,6 +101,27 @@ def unwrapped_box(settings: DomainSettings) -> tuple[float, float, float, float]
     return west, south, east + 360.0 if east < west else east, north
 
 
+def box_in_degrees(settings: DomainSettings) -> shapely.Polygon:
+    """The box with so many points on its sides that they stay lines on any map.
+
+    A parallel is curved on most maps. Between two points at a distance s it leaves the
+    chord by some s**2 / (8 * 10,000 km); s is such that this is a millionth of the
+    spacing.
+    """
+    box = shapely.box(*unwrapped_box(settings))
+    if settings.projection == "none" or settings.min_spacing_m is None:
+        return box
+    step = math.sqrt(80.0 * settings.min_spacing_m) / _DEGREE_M
+    return shapely.segmentize(box, min(max(step, box.length / 50_000.0), 0.02))
+
+
+def follow_in_degrees(geometry: shapely.Geometry, settings: DomainSettings):
+    """Lines that are straight in degrees, followed in steps of at most 0.02 degrees."""
+    if settings.projection == "none":
+        return geometry
+    return shapely.segmentize(geometry, 0.02)
+
+
 @dataclass(frozen=True)
 class LocalSettings:
     """Spacing, narrow-water width and island area of one part of the coast."""
@@ -122,7 +143,7 @@ class LocalRules:
         self._plane = plane
         self.parts = [self._read(settings, settings, None)]
         for region in settings.regions:
-            ring = shapely.segmentize(shapely.Polygon(region.polygon_deg), 0.01)
+            ring = follow_in_degrees(shapely.Polygon(region.polygon_deg), settings)
             polygon = transform(ring, plane.from_degrees)
             if not polygon.is_valid:
                 raise InputError(
@@ -166,6 +187,10 @@ class LocalRules:
     def minimum(self, points: np.ndarray) -> np.ndarray:
         """Least spacing at points: (n, 2) -> (n,)."""
         return self._look_up("minimum", points)
+
+    def width(self, points: np.ndarray) -> np.ndarray:
+        """Width below which water is removed, at points: (n, 2) -> (n,)."""
+        return self._look_up("width", points)
 
     def island_m2(self, points: np.ndarray) -> np.ndarray:
         """Least island area at points: (n, 2) -> (n,)."""

@@ -10,13 +10,19 @@ from shapely import Geometry, Polygon
 
 from tidemesh.boundary.plane import LocalRules, WorkPlane
 from tidemesh.boundary.spacing import enforce_spacing
-from tidemesh.boundary.water import narrow_parts, on_line, runs, without
+from tidemesh.boundary.water import (
+    LEAST_WIDTH,
+    main_part,
+    narrow_parts,
+    on_line,
+    runs,
+    without,
+)
 from tidemesh.datatypes import LedgerEntry
 from tidemesh.errors import InputError, MeshError
 from tidemesh.geometry.polygons import (
     from_rings,
     holes,
-    polygon_parts,
     polygon_rings,
     ring_area,
     without_holes,
@@ -29,8 +35,6 @@ _TOUCHING = 0.02
 """Boundary lines closer than this share of the spacing count as touching."""
 _BRIDGE = 0.35
 """Radius of the land put where lines touch, as a share of the spacing."""
-_LEAST_WIDTH = 0.5
-"""Water in the result is at least this share of the narrow-water width wide."""
 
 
 def resample(
@@ -87,48 +91,55 @@ def resample(
                     "the minimum spacing is too large for the domain: its outline "
                     "keeps fewer than three nodes"
                 )
-        touching = _touching(rings, rules)
-        body = _main_part(
-            shapely.make_valid(
-                from_rings(rings), method="structure", keep_collapsed=False
-            ),
-            line,
-            grid,
+        drawn = shapely.make_valid(
+            from_rings(rings), method="structure", keep_collapsed=False
         )
-        narrow = narrow_parts(
-            body, rules, share=_LEAST_WIDTH, open_line=line, grid=grid
-        )
+        body, lost = main_part(drawn, line, grid)
+        touching = _touching(rings, body, line, rules, grid)
+        narrow = narrow_parts(body, rules, share=LEAST_WIDTH, open_line=line, grid=grid)
         logger.debug(
             "round %d: %d touching, %d narrow", number, len(touching), len(narrow)
         )
-        if not len(touching) and not narrow:
-            gained += plane.area_m2(body) - before
-            break
-        bridges = list(
-            shapely.buffer(
-                shapely.points(touching), _BRIDGE * rules.minimum(touching), quad_segs=4
-            )
-        )
-        body = _main_part(without(body, narrow + bridges, grid), line, grid)
-        body = _without_islets(body, rules)
+        # An island may also have come to lie in land without touching any line.
+        settled = not len(touching) and not narrow and not lost
+        settled &= len(body.interiors) == len(rings) - 1
+        if not settled:
+            reach = _BRIDGE * rules.minimum(touching)
+            bridges = shapely.buffer(shapely.points(touching), reach, quad_segs=4)
+            body, cut = main_part(without(body, [*narrow, *bridges], grid), line, grid)
+            body = _without_islets(body, rules)
+            entries += _entries("narrow water removed", narrow, plane)
+            entries += _entries("water cut off", lost + cut, plane)
         gained += plane.area_m2(body) - before
+        if settled:
+            break
     else:
-        longitude, latitude = plane.to_degrees(touching[:1])[0]
-        raise MeshError(
-            f"the shoreline does not settle at its spacing; it still touches itself at "
-            f"{longitude:.5f} E, {latitude:.5f} N"
-        )
+        raise MeshError(_unsettled(touching, narrow, plane))
     longitude, latitude = plane.place(body)
-    entries.append(
-        LedgerEntry(
-            "shoreline resampled",
-            longitude,
-            latitude,
-            gained,
-            "shoreline drawn with its node spacing; net change",
-        )
-    )
+    net = gained - sum(entry.area_m2 for entry in entries)
+    reason = "shoreline drawn with its node spacing; net change"
+    entries.append(LedgerEntry("shoreline resampled", longitude, latitude, net, reason))
     return rings, entries
+
+
+def _entries(action: str, parts: list[Polygon], plane: WorkPlane) -> list[LedgerEntry]:
+    reason = "too narrow, or behind such water, once drawn with its node spacing"
+    return [
+        LedgerEntry(action, *plane.place(part), -plane.area_m2(part), reason)
+        for part in sorted(parts, key=lambda part: part.bounds)
+    ]
+
+
+def _unsettled(touching: np.ndarray, narrow: list[Polygon], plane: WorkPlane) -> str:
+    place = touching[:1]
+    if not len(place):
+        place = shapely.get_coordinates([part.centroid for part in narrow])[:1]
+    longitude, latitude = plane.to_degrees(place)[0] if len(place) else (np.nan, np.nan)
+    return (
+        f"after {_MOST_ROUNDS} rounds the shoreline still touches itself, or leaves "
+        f"too narrow water, at {longitude:.5f} E, {latitude:.5f} N: change the minimum "
+        "spacing a little, or mend the shoreline there"
+    )
 
 
 def _space(
@@ -159,42 +170,49 @@ def _space(
     return np.concatenate(pieces)
 
 
-def _touching(rings: list[np.ndarray], rules: LocalRules) -> np.ndarray:
-    """Places where segments that are not neighbours cross or nearly touch: (k, 2)."""
+def _touching(
+    rings: list[np.ndarray],
+    body: Polygon,
+    line: Geometry,
+    rules: LocalRules,
+    grid: float,
+) -> np.ndarray:
+    """Places (k, 2) where segments that are not neighbours come too close.
+
+    Too close is touching, and for two banks with water between them less than half
+    the least width: an opening alone overlooks the strait between two sharp capes.
+    """
     starts = np.concatenate(rings)
     ends = np.concatenate([np.roll(ring, -1, axis=0) for ring in rings])
-    number = np.arange(len(starts))
+    at_sea = np.concatenate([on_line(ring, line, 3.0 * grid) for ring in rings])
     first = np.cumsum([0] + [len(ring) for ring in rings])
-    following = number + 1
+    following = np.arange(len(starts)) + 1
     following[first[1:] - 1] = first[:-1]
     segments = shapely.linestrings(np.stack([starts, ends], axis=1))
-    reach = _TOUCHING * rules.minimum(0.5 * (starts + ends))
+    middle = 0.5 * (starts + ends)
+    touch = _TOUCHING * rules.minimum(middle)
+    width = LEAST_WIDTH * rules.width(middle)
+    # At a junction the shore may leave the open boundary at a small angle.
+    length = np.hypot(*(ends - starts).T)
+    width = np.where(at_sea, 0.5 * np.minimum(width, length), width)
     tree = shapely.STRtree(segments)
-    a, b = tree.query(segments, predicate="dwithin", distance=reach)
+    a, b = tree.query(segments, predicate="dwithin", distance=np.maximum(touch, width))
     a, b = np.minimum(a, b), np.maximum(a, b)
     apart = (a != b) & (following[a] != b) & (following[b] != a)
-    pairs = np.unique(np.stack([a[apart], b[apart]], axis=1), axis=0)
+    a, b = np.unique(np.stack([a[apart], b[apart]], axis=1), axis=0).T
+    nearest = shapely.shortest_line(segments[a], segments[b])
+    places = shapely.get_coordinates(nearest).reshape(-1, 2, 2).mean(axis=1)
+    gap = shapely.length(nearest)
+    shapely.prepare(body)
+    strait = (gap < np.minimum(width[a], width[b])) & ~(at_sea[a] & at_sea[b])
+    strait &= shapely.contains_xy(body, *places.T)
+    places = places[strait | (gap <= np.maximum(touch[a], touch[b]))]
     # Neighbours that fold back on one another.
     ahead, back = ends - starts, (ends - starts)[following]
     turn = ahead[:, 0] * back[:, 1] - ahead[:, 1] * back[:, 0]
     along = (ahead * back).sum(axis=1)
     folded = np.flatnonzero((along < 0.0) & (np.abs(turn) < 0.03 * -along))
-    nearest = shapely.shortest_line(segments[pairs[:, 0]], segments[pairs[:, 1]])
-    places = shapely.get_coordinates(nearest).reshape(-1, 2, 2).mean(axis=1)
     return np.concatenate([places, ends[folded]])
-
-
-def _main_part(water: Geometry, line: Geometry, grid: float) -> Polygon:
-    """The part with most of the open boundary."""
-    parts = polygon_parts(water)
-    if len(parts) == 1:
-        return parts[0]
-
-    def weight(part: Polygon) -> tuple[int, float]:
-        at_sea = [on_line(r, line, 3.0 * grid).sum() for r in polygon_rings(part)]
-        return int(sum(at_sea)), part.area
-
-    return max(parts, key=weight)
 
 
 def _without_islets(body: Polygon, rules: LocalRules) -> Polygon:

@@ -9,11 +9,14 @@ import shapely
 from shapely import Geometry, Polygon
 
 from tidemesh.boundary.plane import LocalRules
-from tidemesh.geometry.polygons import polygon_parts, polygonal
+from tidemesh.geometry.polygons import polygon_parts, polygon_rings, polygonal
 
 _TOLERANCE = 0.02
 """Share of the width within which water counts as wide enough: the openings are made
 of chords of 11 degrees, which lie up to 0.5 % of the radius inside the true circle."""
+
+LEAST_WIDTH = 0.5
+"""Water in the result is at least this share of the narrow-water width wide."""
 
 
 def narrow_parts(
@@ -155,6 +158,22 @@ def inside_limit(
     if bays:
         inner = polygon_parts(shapely.union_all(inner + bays, grid_size=grid))
     return inner, sea
+
+
+def main_part(
+    water: Geometry, line: Geometry, grid: float
+) -> tuple[Polygon, list[Polygon]]:
+    """The part with most of the open boundary, and the other parts."""
+    parts = polygon_parts(water)
+    if len(parts) == 1:
+        return parts[0], []
+
+    def weight(part: Polygon) -> tuple[int, float]:
+        at_sea = [on_line(r, line, 3.0 * grid).sum() for r in polygon_rings(part)]
+        return int(sum(at_sea)), part.area
+
+    main = max(parts, key=weight)
+    return main, [part for part in parts if part is not main]
 
 
 def on_line(points: np.ndarray, line: Geometry, tolerance: float) -> np.ndarray:
