@@ -209,3 +209,12 @@ def test_wrong_fields_and_places(tmp_path):
     assert not list(tmp_path.iterdir())
     with pytest.raises(InputError, match="does not exist; create it"):
         write_ugrid(tmp_path / "none" / "a.nc", mesh)
+
+
+def test_no_byte_sized_data_on_nodes(tmp_path):
+    """QGIS 3.22 refuses the whole file otherwise (seen with its mesh layer)."""
+    write_ugrid(tmp_path / "mesh.nc", small_mesh())
+    with netCDF4.Dataset(tmp_path / "mesh.nc") as file:
+        on_mesh = [v for v in file.variables.values() if "mesh" in v.ncattrs()]
+        assert {"depth", "boundary_kind"} <= {v.name for v in on_mesh}
+        assert all(v.dtype.itemsize >= 4 for v in on_mesh)

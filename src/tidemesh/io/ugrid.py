@@ -165,8 +165,9 @@ def _variable(
 ) -> None:
     values = np.asarray(values)
     if values.dtype == bool:
-        values = values.astype(np.int8)
-        attributes["flag_values"] = np.array([0, 1], dtype=np.int8)
+        # Not int8: QGIS (MDAL) refuses a file with byte-sized data on nodes.
+        values = values.astype(np.int32)
+        attributes["flag_values"] = np.array([0, 1], dtype=np.int32)
         attributes["flag_meanings"] = "false true"
     if name in file.variables:
         raise ValueError(f'there is already a variable of the name "{name}"')
@@ -276,13 +277,13 @@ def _write_projection(file: netCDF4.Dataset, mesh: CoastalMesh) -> None:
 
 def _write_strings(file: netCDF4.Dataset, mesh: CoastalMesh) -> None:
     strings = mesh.boundaries
-    kind = np.zeros(len(mesh.points), dtype=np.int8)
+    kind = np.zeros(len(mesh.points), dtype=np.int32)
     # Open strings last: they keep the end nodes that they share with the mainland.
     for code in (3, 2, 1):
         for string in strings:
             if string.kind == STRING_KINDS[code - 1]:
                 kind[string.nodes] = code
-    codes = np.arange(4, dtype=np.int8)
+    codes = np.arange(4, dtype=np.int32)
     _variable(
         file,
         "boundary_kind",
