@@ -21,7 +21,7 @@ def steps(line):
     return np.hypot(*np.diff(line, axis=0).T)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(st.integers(0, 10_000), st.floats(0.3, 3.0))
 def test_ring_gaps_lie_between_minimum_and_1_75_minima(seed, minimum):
     nodes = enforce_spacing(rough_ring(seed), True, minimum)
@@ -29,7 +29,7 @@ def test_ring_gaps_lie_between_minimum_and_1_75_minima(seed, minimum):
     assert gaps(nodes).max() <= 1.75 * minimum * (1 + 1e-9)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(st.integers(0, 10_000), st.integers(0, 399), st.booleans())
 def test_ring_does_not_depend_on_start_or_direction(seed, shift, turned):
     ring = rough_ring(seed)
@@ -41,7 +41,7 @@ def test_ring_does_not_depend_on_start_or_direction(seed, shift, turned):
     np.testing.assert_array_equal(nodes, same)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(st.integers(0, 10_000), st.booleans())
 def test_twice_is_once(seed, closed):
     line = rough_ring(seed)
@@ -49,7 +49,7 @@ def test_twice_is_once(seed, closed):
     np.testing.assert_array_equal(enforce_spacing(once, closed, 1.0), once)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(st.integers(0, 10_000), st.floats(0.005, 0.1))
 def test_open_line_keeps_its_ends_and_its_reverse_gives_the_same(seed, minimum):
     line = rough_line(np.random.default_rng(seed), 8, 0.3)

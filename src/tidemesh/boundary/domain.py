@@ -102,14 +102,13 @@ def build_domain(
 
     sea, islets = _water(land, settings, region_land, plane, rules, grid)
     narrow = narrow_parts(sea, rules, grid=grid)
-    box = box_polygon(settings, plane)
-    edge = box.exterior
-    water = polygonal(
-        shapely.intersection(without(sea, narrow, grid), box, grid_size=grid)
-    )
-
+    water = without(sea, narrow, grid)
     limit, line = ocean_polygon(settings, plane, drawn_ocean)
     limit = shapely.set_precision(limit, grid)
+    box = box_polygon(settings, plane)
+    edge = box.exterior
+    if not box.contains_properly(limit):
+        water = polygonal(shapely.intersection(water, box, grid_size=grid))
     bodies, _ = inside_limit(water, limit, edge, grid)
     body = _choose_body(bodies, line, box, settings, plane, grid)
     ledger += _lost_water(body, bodies, narrow, line, limit, plane, grid)

@@ -408,7 +408,6 @@ def _mainland(
             "sides of a box: give box_deg"
         )
     box = shapely.box(*_unwrapped(box_deg))
-    points = shapely.get_coordinates(lines)
     ends = shapely.points(
         np.concatenate([_end_points(lines, 0), _end_points(lines, -1)])
     )
@@ -430,9 +429,7 @@ def _mainland(
         polygon_parts(shapely.polygonize([shapely.union_all([*lines, box.exterior])]))
     )
     cells = cells[shapely.contains_properly(box, shapely.point_on_surface(cells))]
-    points, owner = shapely.get_coordinates(lines, return_index=True)
-    along = np.diff(points, axis=0)[owner[1:] == owner[:-1]]
-    middle = (0.5 * (points[1:] + points[:-1]))[owner[1:] == owner[:-1]]
+    middle, along = _segments_in(box.bounds, lines)
     # A step aside far shorter than the segment, yet far above rounding.
     aside = 1e-4 * np.stack([-along[:, 1], along[:, 0]], axis=1)
     if land_on == "right":
@@ -454,6 +451,21 @@ def _mainland(
             f"(land is expected on the {land_on}; see land_on)"
         )
     return shapely.union_all(cells[votes[1] > votes[0]])
+
+
+def _segments_in(box: Box, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Middle and extent of the segments of lines, cut at a box: (n, 2) each."""
+    points, owner = shapely.get_coordinates(lines, return_index=True)
+    same = owner[1:] == owner[:-1]
+    start, along = points[:-1][same], np.diff(points, axis=0)[same]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        low = (np.array(box[:2]) - start) / along
+        high = (np.array(box[2:]) - start) / along
+    enter = np.fmin(low, high).max(axis=1, initial=0.0, where=along != 0.0)
+    leave = np.fmax(low, high).min(axis=1, initial=1.0, where=along != 0.0)
+    inside = leave > enter
+    middle = start + (0.5 * (enter + leave))[:, None] * along
+    return middle[inside], ((leave - enter)[:, None] * along)[inside]
 
 
 def _end_points(lines: np.ndarray, index: int) -> np.ndarray:
