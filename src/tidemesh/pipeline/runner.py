@@ -31,7 +31,6 @@ _LIBRARIES = (
     "scipy",
     "numba",
     "pythoncdt",
-    "pymetis",
     "shapely",
     "pyproj",
     "pyogrio",
