@@ -104,8 +104,7 @@ def test_budget_with_a_biased_noisy_count(name):
     settings = SizingSettings(rule=name, nodes=3000)
     x, y = mesh.points.T
     curvature = 1.0 / (1e3 + np.hypot(x - 1e4, y - 1e4))
-    hessian = np.stack([curvature, 0 * x, curvature], axis=1)[None] + 0j
-    inputs = RuleInputs(mesh, np.array([1.4e-4]), hessian=hessian)
+    inputs = RuleInputs(mesh, np.array([1.4e-4]), curvature=curvature[None])
     rule = build_rule(inputs, settings)
     sizes = size_builder(mesh, rule, settings)
     calls = []

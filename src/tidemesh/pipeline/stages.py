@@ -17,7 +17,7 @@ from tidemesh.datatypes import CoastalMesh, Domain, SizeField, TideSolution
 from tidemesh.errors import ConvergenceError
 from tidemesh.io.files import atomic
 from tidemesh.io.fort14 import write_fort14
-from tidemesh.io.shoreline import read_shoreline
+from tidemesh.io.shoreline import read_polygon, read_shoreline
 from tidemesh.io.tide_tables import read_tide_table
 from tidemesh.io.ugrid import Field, write_ugrid
 from tidemesh.pipeline.case import Case
@@ -34,20 +34,28 @@ _RETRIES = 4
 def make_domain(context: Context) -> Domain:
     """Shoreline to typed rings of water."""
     settings = context.case.domain
-    land = _read_land(context)
+    repairs: list[LedgerEntry] = []
+    land = _read_land(context, repairs)
     context.progress(0.3)
     region_land = [
-        read_shoreline(context.files[key], box_deg=settings.box_deg)
+        read_shoreline(
+            context.files[key],
+            box_deg=_extent(region.polygon_deg),
+            land_on=settings.land_on,
+            repair=settings.repair,
+            ledger=repairs,
+        )
         if (key := f"domain.regions[{index}].shoreline") in context.files
         else None
-        for index in range(len(settings.regions))
+        for index, region in enumerate(settings.regions)
     ]
     drawn = context.files.get("domain.ocean.file")
     domain = boundary.build_domain(
         land,
         settings,
         region_land,
-        drawn_ocean=None if drawn is None else read_shoreline(drawn),
+        drawn_ocean=None if drawn is None else read_polygon(drawn),
+        repairs=repairs,
     )
     actions: dict[str, int] = {}
     for entry in domain.ledger:
@@ -63,7 +71,13 @@ def make_domain(context: Context) -> Domain:
     return domain
 
 
-def _read_land(context: Context):
+def _extent(polygon_deg) -> tuple[float, float, float, float]:
+    """West, south, east, north of a polygon (degrees)."""
+    longitudes, latitudes = zip(*polygon_deg)
+    return min(longitudes), min(latitudes), max(longitudes), max(latitudes)
+
+
+def _read_land(context: Context, repairs: list[LedgerEntry]):
     settings = context.case.domain
     return read_shoreline(
         context.files["domain.shoreline"],
@@ -71,6 +85,7 @@ def _read_land(context: Context):
         layer=settings.layer,
         land_on=settings.land_on,
         repair=settings.repair,
+        ledger=repairs,
     )
 
 
@@ -234,8 +249,9 @@ def measure_error(context: Context) -> dict[str, Any]:
     settings = context.case.truncation
     series = truncation.momentum_series(mesh, tide, settings)
     context.progress(0.7)
-    hessian = truncation.recovered_hessian(mesh.points, mesh.triangles, tide.elevation)
-    curvature = np.sqrt((np.abs(hessian) ** 2 @ np.array([1.0, 2.0, 1.0])))
+    curvature = truncation.hessian_magnitude(
+        mesh.points, mesh.triangles, tide.elevation
+    )
     spacing = base_spacing(context)
     error = truncation.error_at(series, spacing)
     known = np.isfinite(error).all(axis=0) & series.known
@@ -266,7 +282,7 @@ def measure_error(context: Context) -> dict[str, Any]:
     write_ugrid(context.path("error.nc"), mesh, fields, title=context.case.title)
     return {
         "series": series,
-        "hessian": hessian,
+        "curvature": curvature,
         "error": error,
         "interpolation_error": interpolation_error(curvature, spacing),
     }
@@ -314,7 +330,7 @@ def choose_sizes(context: Context) -> dict[str, Any]:
         mesh,
         context["tide"].frequency,
         series=measured["series"],
-        hessian=measured["hessian"],
+        curvature=measured["curvature"],
     )
     rule = sizing.build_rule(inputs, settings)
     sizes = sizing.size_builder(mesh, rule, settings)

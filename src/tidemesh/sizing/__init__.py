@@ -10,14 +10,7 @@ from tidemesh.sizing.limits import (
     spacing_limits,
 )
 from tidemesh.sizing.radii import allowable_spacing, error_at_spacing, smallest_root
-from tidemesh.sizing.rules import (
-    RULES,
-    RuleInputs,
-    SizeRule,
-    build_rule,
-    hessian_magnitude,
-    power_rule,
-)
+from tidemesh.sizing.rules import RULES, RuleInputs, SizeRule, build_rule, power_rule
 from tidemesh.sizing.settings import SizeRegion, SizingSettings
 from tidemesh.sizing.sizes import (
     allowable_sizes,
@@ -46,7 +39,6 @@ __all__ = [
     "feature_width",
     "find_level",
     "harmonic_extension",
-    "hessian_magnitude",
     "level_at_spacing",
     "limit_gradation",
     "power_rule",

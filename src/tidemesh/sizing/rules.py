@@ -39,9 +39,9 @@ class RuleInputs:
     """(n_c,) rad/s."""
     series: TruncationSeries | None = None
     """For "truncation_error"."""
-    hessian: np.ndarray | None = None
-    """(k, n_points, 3) second derivatives xx, xy, yy of the elevation amplitudes
-    (1/m, complex), NaN where unknown; for "hessian" and "energy_hessian"."""
+    curvature: np.ndarray | None = None
+    """(n_c, n_points) size of the second derivatives of the elevation amplitudes (1/m),
+    NaN where unknown; for "hessian" and "energy_hessian"."""
 
 
 def build_rule(inputs: RuleInputs, settings: SizingSettings) -> SizeRule:
@@ -72,7 +72,7 @@ def hessian(inputs: RuleInputs, settings: SizingSettings) -> SizeRule:
     mean square (docs/method.md, section 3).
     """
     return power_rule(
-        hessian_magnitude(inputs.hessian),
+        _all_constituents(inputs.curvature),
         exponent=settings.exponent,
         floor=settings.floor,
     )
@@ -82,7 +82,7 @@ def energy_hessian(inputs: RuleInputs, settings: SizingSettings) -> SizeRule:
     """As `hessian`, the curvature weighted by sqrt(depth)."""
     weight = np.sqrt(np.maximum(inputs.mesh.depth, 0.0))
     return power_rule(
-        weight * hessian_magnitude(inputs.hessian),
+        weight * _all_constituents(inputs.curvature),
         exponent=settings.exponent,
         floor=settings.floor,
     )
@@ -155,24 +155,6 @@ def power_rule(
     return _proportional((floored / np.nanmedian(floored)) ** -exponent)
 
 
-def hessian_magnitude(hessian: np.ndarray | None) -> np.ndarray:
-    """Frobenius norm of second derivatives, summed over constituents by squares.
-
-    Parameters
-    ----------
-    hessian : (k, n_points, 3) array
-        xx, xy, yy; real or complex.
-
-    Returns
-    -------
-    (n_points,) array
-    """
-    if hessian is None:
-        raise ValueError("this rule needs the second derivatives of the elevation")
-    squares = np.abs(hessian) ** 2 * np.array([1.0, 2.0, 1.0])
-    return np.sqrt(squares.sum(axis=(0, 2)))
-
-
 def wave_length(depth: np.ndarray, frequency: np.ndarray) -> np.ndarray:
     """Length (m) of the shortest long wave over each depth: sqrt(g h) * period."""
     return np.sqrt(GRAVITY * np.maximum(depth, 0.0)) * (2.0 * math.pi / max(frequency))
@@ -197,6 +179,12 @@ def nodal_gradient(
     ]
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.stack(total, axis=-1) / area[:, None]
+
+
+def _all_constituents(curvature: np.ndarray | None) -> np.ndarray:
+    if curvature is None:
+        raise ValueError("the Hessian rules need the curvature of the elevation")
+    return np.linalg.norm(np.atleast_2d(curvature), axis=0)
 
 
 def _proportional(pattern: np.ndarray) -> SizeRule:

@@ -72,9 +72,10 @@ class SizingSettings(
     gradation: Positive = 0.25
     """Greatest growth of the spacing (m) per m; 0.15 to 0.35 is usual, inf is no limit,
     as in the paper."""
-    channel_elements: Annotated[float, msgspec.Meta(ge=0)] = 2.0
+    channel_elements: Annotated[float, msgspec.Meta(ge=0)] = 3.0
     """Least number of elements between opposite banks, as far as min_m allows, so that
-    a node stands in the stream; 0 for no regard to channels, as in the paper."""
+    nodes stand in the stream; 0 for no regard to channels, as in the paper. Three gave
+    the least error of 2, 3, 4 and 6 on South Carolina with 5,000 nodes."""
     follow_boundary: bool = False
     """Keep the spacing at the boundary at or below that of the boundary points of the
     base grid."""
