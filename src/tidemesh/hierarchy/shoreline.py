@@ -16,7 +16,7 @@ import numpy as np
 import shapely
 
 from tidemesh.datatypes import LAND, OCEAN, Domain, Ring
-from tidemesh.errors import MeshError
+from tidemesh.errors import InputError, MeshError
 from tidemesh.hierarchy.grading import BoundaryLimitedSpacing, graded_lengths
 from tidemesh.hierarchy.line_tree import divide_lines
 from tidemesh.hierarchy.settings import HierarchySettings
@@ -26,6 +26,7 @@ log = logging.getLogger(__name__)
 Spacing = Callable[[np.ndarray], np.ndarray]
 
 SAMPLES_PER_SIZE = 2.0
+MOST_SAMPLES = 10_000_000
 MAXIMUM_ROUNDS = 10
 MAXIMUM_REPAIRS = 60
 # Channels far narrower than the size are followed with segments of this fraction of
@@ -177,11 +178,19 @@ def _sampled(domain: Domain, spacing: Spacing) -> tuple[_Lines, np.ndarray]:
         step = np.diff(points, axis=0)
         length = np.hypot(step[:, 0], step[:, 1])
         finest = np.minimum(size[1:], size[:-1])
-        pieces = np.ceil(SAMPLES_PER_SIZE * length / finest - 1e-9).astype(np.int64)
+        pieces = np.ceil(SAMPLES_PER_SIZE * length / finest - 1e-9)
+        # A count beyond all bounds must not overflow.
+        pieces = np.minimum(pieces, 2.0 * MOST_SAMPLES).astype(np.int64)
         pieces = np.append(np.maximum(pieces, 1), 1)
         pieces[kind == -1] = 1
         if pieces.max() == 1:
             break
+        if pieces.sum() > MOST_SAMPLES:
+            raise InputError(
+                f"sizes down to {size.min():.3g} m need more than "
+                f"{int(MOST_SAMPLES / SAMPLES_PER_SIZE):,} boundary points: raise the "
+                "smallest size"
+            )
         source = np.repeat(np.arange(len(points)), pieces)
         number = np.arange(len(source)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
         share = number / pieces[source]

@@ -17,6 +17,8 @@ from tidemesh.errors import InputError
 
 ROW_HEIGHT = 0.5 * np.sqrt(3.0)
 MAXIMUM_LEVELS = 20
+# Some 2 GB; twice as many triangles as nodes.
+MOST_TRIANGLES = 40_000_000
 # A size equal to the edge within rounding is equal: a constant target must give one
 # level.
 ROUNDING = 1e-6
@@ -109,7 +111,8 @@ def select_triangles(
     Raises
     ------
     InputError
-        If the hierarchy would be deeper than 20 levels.
+        If the hierarchy would be deeper than 20 levels, or hold more than 40 million
+        triangles.
 
     Notes
     -----
@@ -145,6 +148,11 @@ def select_triangles(
                 f"the size {target[left][0]:.3g} m wanted near x = {x:.0f}, "
                 f"y = {y:.0f} m is some {2**MAXIMUM_LEVELS} times smaller than the "
                 "domain: raise the smallest size"
+            )
+        if sum(map(len, levels)) + 4 * int(left.sum()) > MOST_TRIANGLES:
+            raise InputError(
+                f"sizes down to {target.min():.3g} m need more than "
+                f"{MOST_TRIANGLES // 2:,} nodes: raise the smallest size"
             )
         triangles = _split(triangles.where(left))
         edge *= 0.5

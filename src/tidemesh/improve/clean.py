@@ -72,11 +72,14 @@ def clean(
     sides = Sides.of(triangles, n_given)
     ratio = 2.0 * sides.length(points) / (size[sides.start] + size[sides.end])
 
-    crowding = _crowding(sides, ratio, fixed, settings)
-    doomed = best_nodes(crowding, sides)
-    need = _need(points, triangles, sides, ratio, doomed, settings)
-    divided = best_sides(need, sides, len(triangles))
     surplus = n_given - (n_given if wanted is None else wanted)
+    # Where the number must change, the next best candidates count as well.
+    shortest = max(settings.shortest_side, 1.0 if surplus > 0 else 0.0)
+    longest = min(settings.longest_side, 1.0 if surplus < 0 else np.inf)
+    crowding = _crowding(sides, ratio, fixed, shortest, settings.lowest_valence)
+    doomed = best_nodes(crowding, sides)
+    need = _need(points, triangles, sides, ratio, doomed, longest)
+    divided = best_sides(need, sides, len(triangles))
     n_doomed, n_divided = int(doomed.sum()), int(divided.sum())
     _keep_best(doomed, crowding, n_divided + surplus)
     _keep_best(divided, need, n_doomed - surplus)
@@ -93,7 +96,11 @@ def clean(
 
 
 def _crowding(
-    sides: Sides, ratio: np.ndarray, fixed: np.ndarray, settings: ImproveSettings
+    sides: Sides,
+    ratio: np.ndarray,
+    fixed: np.ndarray,
+    shortest_side: float,
+    lowest_valence: int,
 ) -> np.ndarray:
     """(n_points,) how much a node is in the way: 0 for not at all."""
     n = len(fixed)
@@ -105,10 +112,10 @@ def _crowding(
     np.minimum.at(shortest, ends, both)
 
     score = np.zeros(n)
-    crowded = shortest < settings.shortest_side
+    crowded = shortest < shortest_side
     # Of the two ends of a short side the one among shorter sides goes.
     score[crowded] = 2.0 - shortest[crowded] + 0.1 * np.maximum(2.0 - mean[crowded], 0)
-    score[valence <= settings.lowest_valence] += 1.0
+    score[valence <= lowest_valence] += 1.0
     score[fixed] = 0.0
     return score
 
@@ -126,10 +133,10 @@ def _need(
     sides: Sides,
     ratio: np.ndarray,
     doomed: np.ndarray,
-    settings: ImproveSettings,
+    longest_side: float,
 ) -> np.ndarray:
     """(n_sides,) need to divide: long sides, and those that cut off a corner."""
-    score = np.where(ratio > settings.longest_side, ratio, 0.0)
+    score = np.where(ratio > longest_side, ratio, 0.0)
     cut = _corner_cutting(points, triangles, sides)
     score[cut] += 1.0
     # Triangles of removed nodes are left alone.

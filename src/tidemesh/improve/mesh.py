@@ -22,6 +22,7 @@ def improve_mesh(
     spacing: Spacing,
     settings: ImproveSettings | None = None,
     *,
+    nodes: int | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[np.ndarray, np.ndarray, dict[str, float]]:
     """Triangulate a domain and improve the mesh; its boundary stays as it is.
@@ -35,6 +36,10 @@ def improve_mesh(
     spacing : callable
         Target edge length at points: (n, 2) m -> (n,) m.
     settings : ImproveSettings, optional
+    nodes : int, optional
+        Number of nodes to end with, a few percent off the number given at most; the
+        cleaning removes or inserts the difference, as far as sides too short or too
+        long allow. The given number by default.
     progress : callable, optional
         Called with the fraction done.
 
@@ -51,7 +56,7 @@ def improve_mesh(
     points, triangles = triangulate(domain, interior)
     # Triangles in the order of their nodes: the sweeps below then read memory in order.
     triangles = triangles[np.argsort(triangles.max(axis=1), kind="stable")]
-    n_given = len(points)
+    wanted = len(points) if nodes is None else nodes
     n_fixed = sum(len(ring.points) for ring in domain.rings)
     size = np.asarray(spacing(points), dtype=np.float64)
     report = {"moves": 0.0, "refused_moves": 0.0, "flips": 0.0}
@@ -69,7 +74,7 @@ def improve_mesh(
                 # Later moves are too small to change the size at a node.
                 size = np.asarray(spacing(points), dtype=np.float64)
             cleaned = clean(
-                points, triangles, fixed, settings, size=size, wanted=n_given
+                points, triangles, fixed, settings, size=size, wanted=wanted
             )
             points, triangles = cleaned.points, cleaned.triangles
             _add(report, cleaned.report)

@@ -11,7 +11,8 @@ SEARCH_STEPS = 40
 FLIP_ROUNDS = 6
 # A flip must make the worse of two triangles better by this much.
 LEAST_GAIN = 0.01
-# Flips that free a corner of the boundary may leave triangles no worse than this.
+# Flips that free a corner of the boundary may leave triangles no worse than this;
+# only worse ones may be mended at the price of such a corner.
 GOOD_ENOUGH = 0.5
 DIRECTIONS = np.stack(
     [np.cos(np.arange(8) * np.pi / 4.0), np.sin(np.arange(8) * np.pi / 4.0)], axis=1
@@ -61,7 +62,8 @@ def flip_poor(
         strands = (count[sides.start] <= 2) | (count[sides.end] <= 2)
         gain = after - before
         good = (gain > LEAST_GAIN) | (frees & (after >= GOOD_ENOUGH))
-        score = np.where(good & ~strands, gain + 1.0 + frees, 0.0)
+        good &= ~strands | ((before < GOOD_ENOUGH) & (gain > LEAST_GAIN))
+        score = np.where(good, gain + 1.0 + frees, 0.0)
         flipped = best_sides(score, sides, len(triangles))
         if not flipped.any():
             break
