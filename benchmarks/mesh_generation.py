@@ -78,9 +78,7 @@ def row(domain, wanted):
     count = hierarchy.count_points(domain, growing(finest))
     spacing = growing(finest * np.sqrt(count / wanted))
     selection, select = seconds(lambda: hierarchy.select_points(domain, spacing))
-    first, delaunay = seconds(
-        lambda: triangulate(selection.domain, selection.interior)
-    )
+    first, delaunay = seconds(lambda: triangulate(selection.domain, selection.interior))
     (points, triangles, _), both = seconds(
         lambda: improve.improve_mesh(
             selection.domain, selection.interior, selection.spacing
