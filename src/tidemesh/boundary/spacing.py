@@ -57,7 +57,7 @@ def enforce_spacing(
     --------
     >>> line = np.array([[0.0, 0.0], [0.4, 0.0], [1.0, 0.0], [4.0, 0.0]])
     >>> enforce_spacing(line, False, 1.0)[:, 0].tolist()
-    [0.0, 1.0, 2.5, 4.0]
+    [0.0, 1.25, 2.5, 4.0]
     """
     points = np.ascontiguousarray(points, dtype=np.float64)
     least = minimum if callable(minimum) else lambda p: np.full(len(p), float(minimum))

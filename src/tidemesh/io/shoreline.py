@@ -75,8 +75,11 @@ def read_shoreline(
             f"{path}: feature {features[missing][0]} has no geometry: "
             "delete it, or set repair = true to skip such features"
         )
+    # What has no place is listed at the middle of what is read.
+    extent = box_deg or source.extent or (0.0, 0.0, 0.0, 0.0)
+    middle = 0.5 * (np.array(extent[:2]) + np.array(extent[2:]))
     for feature in features[missing]:
-        repairs.append(_repair(feature, None, "no geometry; skipped"))
+        repairs.append(_repair(feature, middle, "no geometry; skipped"))
     geometries, features = geometries[~missing], features[~missing]
 
     geometries = _degrees(path, geometries, features, source.crs)
@@ -493,8 +496,8 @@ def _with_rings(mainland: Geometry, rings: list[MultiPolygon]) -> Geometry:
 # ---- messages ---------------------------------------------------------------------
 
 
-def _repair(feature: int | None, place: np.ndarray | None, what: str) -> LedgerEntry:
-    longitude, latitude = (np.nan, np.nan) if place is None else map(float, place)
+def _repair(feature: int | None, place: np.ndarray, what: str) -> LedgerEntry:
+    longitude, latitude = map(float, place)
     named = what if feature is None else f"feature {feature}: {what}"
     logger.info("shoreline repaired: %s", named)
     return LedgerEntry("shoreline repaired", longitude, latitude, 0.0, named)
