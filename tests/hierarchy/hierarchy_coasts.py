@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -46,6 +47,7 @@ def ragged_line(start, end, halvings, roughness, generator) -> np.ndarray:
     return line
 
 
+@cache
 def ragged_bay(seed: int, *, size: float = 50_000.0, islands: int = 8) -> Domain:
     """A square of sea; the western coast is ragged, with islands and river mouths."""
     generator = np.random.default_rng(seed)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import product
 
 import numpy as np
 import shapely
+from scipy.spatial import cKDTree
 
 from tidemesh.datatypes import Domain, Ring
 from tidemesh.geometry.projection import Projection
@@ -22,6 +24,7 @@ def ring_of(radius, centre, number, *, clockwise, waves=0, height=0.0):
     return Ring(points, np.zeros(number))
 
 
+@cache
 def wavy_bay() -> Domain:
     return Domain(
         (
@@ -37,6 +40,7 @@ def spacing(points):
     return np.minimum(40.0 + 0.0004 * (1100.0 - np.hypot(*points.T)) ** 1.6, 80.0)
 
 
+@cache
 def rough_nodes(domain: Domain, seed: int = 0) -> np.ndarray:
     """Random nodes thinned to 0.7 of the spacing, clear of the boundary."""
     generator = np.random.default_rng(seed)
@@ -47,11 +51,11 @@ def rough_nodes(domain: Domain, seed: int = 0) -> np.ndarray:
     size = spacing(points)
     clear = shapely.distance(shapely.points(points), water.boundary) > 0.5 * size
     points, size = points[clear], size[clear]
-    kept: list[int] = []
-    for i in range(len(points)):
-        gap = points[kept] - points[i]
-        if not kept or np.hypot(gap[:, 0], gap[:, 1]).min() > 0.7 * size[i]:
-            kept.append(i)
+    kept = np.ones(len(points), dtype=bool)
+    tree = cKDTree(points)
+    for i, near in enumerate(tree.query_ball_point(points, 0.7 * size)):
+        if kept[i]:
+            kept[[j for j in near if j > i]] = False
     return points[kept]
 
 

@@ -58,19 +58,14 @@ def test_worst_quality_does_not_fall(method, seed):
 
 
 def test_moves_that_would_turn_a_triangle_over_are_refused():
-    # The mean of the neighbours of the inner node lies outside the arrow head.
-    points = np.array([[0, 0], [10, 9], [0, 10], [-10, 9], [0, 1.0]])
-    # Hide the mean behind the notch: boundary (0,0) right notch left.
-    notch = np.array([[-10, 0], [0, 8.0], [10, 0], [0, 10], [0, 9.0]])
+    # The mean of the corners of a notched shape lies outside it.
+    points = np.array([[-10, 0], [0, 8.0], [10, 0], [0, 10], [0, 9.0]])
     triangles = np.array([[4, 1, 2], [4, 2, 3], [4, 3, 0], [4, 0, 1]])
     fixed = np.array([True, True, True, True, False])
-    assert quality.area(notch, triangles).min() > 0.0
-    mean = notch[:4].mean(axis=0)
-    assert mean[1] < 8.0
-    result = smooth(notch, triangles, fixed, ImproveSettings(method="laplacian"))
+    assert points[:4].mean(axis=0)[1] < points[1, 1]
+    result = smooth(points, triangles, fixed, ImproveSettings(method="laplacian"))
+    assert result.report["refused_moves"] > 0
     assert quality.area(result.points, result.triangles).min() > 0.0
-    assert result.report["refused_moves"] >= 0
-    assert len(points) == 5
 
 
 def test_the_result_is_delaunay():

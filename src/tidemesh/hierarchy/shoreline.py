@@ -539,7 +539,6 @@ def _lower(
     end = segments.breaks[segments.start[bad] + 1]
     low = np.searchsorted(lines.arc, begin, side="right") - 1
     high = np.searchsorted(lines.arc, end, side="left")
-    # A run too short to be divided sees no smaller size: ask for two pieces at least.
     number = high - low + 1
     sample = (
         np.repeat(low, number)
