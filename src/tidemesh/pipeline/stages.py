@@ -13,7 +13,13 @@ import msgspec
 import numpy as np
 
 from tidemesh import basegrid, boundary, hierarchy, improve, sizing, tides, truncation
-from tidemesh.datatypes import CoastalMesh, Domain, SizeField, TideSolution
+from tidemesh.datatypes import (
+    CoastalMesh,
+    Domain,
+    LedgerEntry,
+    SizeField,
+    TideSolution,
+)
 from tidemesh.errors import ConvergenceError
 from tidemesh.io.files import atomic
 from tidemesh.io.fort14 import write_fort14
@@ -182,7 +188,7 @@ def solve_base_tide(context: Context) -> TideSolution:
     tide = _solve(context, mesh)
     context.report["base_tide"] = _tide_report(mesh, tide, context)
     write_ugrid(
-        context.path("tide.nc"), mesh, tide_fields(tide), title=context.case.title
+        context.path("tide.nc"), mesh, tide_fields(mesh, tide), title=context.case.title
     )
     return tide
 
@@ -213,8 +219,9 @@ def _tide_report(
     }
 
 
-def tide_fields(tide: TideSolution) -> list[Field]:
-    """Elevation and velocity of every constituent, as fields to write."""
+def tide_fields(mesh: CoastalMesh, tide: TideSolution) -> list[Field]:
+    """Elevation, eastward and northward velocity of every constituent, to write."""
+    velocity = mesh.projection.east_north(mesh.points, tide.velocity)
     fields = []
     for c, name in enumerate(tide.names):
         fields += [
@@ -226,13 +233,13 @@ def tide_fields(tide: TideSolution) -> list[Field]:
             ),
             Field(
                 f"u_{name}",
-                tide.velocity[c, :, 0],
+                velocity[c, :, 0],
                 "m s-1",
                 f"{name} eastward velocity",
             ),
             Field(
                 f"v_{name}",
-                tide.velocity[c, :, 1],
+                velocity[c, :, 1],
                 "m s-1",
                 f"{name} northward velocity",
             ),
@@ -349,9 +356,11 @@ def choose_sizes(context: Context) -> dict[str, Any]:
     if settings.tolerance == "nodes":
         level = budget.refine(level, settings.nodes)
     field = sizes(level)
+    asked = rule(level)
     context.report["sizing"] = {
         "rule": settings.rule,
         "level": level,
+        "rule_spacing_m": _range(asked[np.isfinite(asked)]),
         "spacing_m": _range(field.spacing),
         "expected_nodes": sizing.expected_nodes(field),
     }
@@ -518,7 +527,7 @@ def check_mesh_tide(context: Context) -> dict[str, Any]:
     if "forcing.gauges" in context.files:
         table = read_tide_table(context.files["forcing.gauges"])
         context.report["gauges"] = compare_with_gauges(mesh, tide, table)
-    fields = tide_fields(tide) + [
+    fields = tide_fields(mesh, tide) + [
         Field(
             f"truncation_error_{name}",
             error[c],
