@@ -29,9 +29,9 @@ _COLUMNS = {
         "phase_gmt",
     ),
     "speed": ("speed_deg_per_hour", "speed"),
-    "station": ("station_id", "station", "id", "name"),
+    "station": ("name", "station", "station_id", "id"),
 }
-"""Accepted headers, in any case; the first station column present is taken."""
+"""Accepted headers, in any case; a station is called by its name where it has one."""
 
 _WIDE_AMPLITUDE = re.compile(r"^(\w+?)_(?:amp|amplitude)(?:_m)?$", re.IGNORECASE)
 _WIDE_PHASE = re.compile(
