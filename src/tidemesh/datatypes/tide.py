@@ -71,7 +71,7 @@ class TideSolution:
     elevation: ComplexArray
     """(n_c, n_points) m."""
     velocity: ComplexArray
-    """(n_c, n_points, 2) m/s, east and north."""
+    """(n_c, n_points, 2) m/s, along x and y of the mesh."""
     friction: FloatArray
     """(n_points,) linear friction coefficient tau, 1/s."""
     gravity: float = 9.81

@@ -76,3 +76,29 @@ class Projection:
             xy[..., 0], xy[..., 1], direction="INVERSE"
         )
         return np.stack([np.asarray(lon), np.asarray(lat)], axis=-1)
+
+    def east_north(self, points: ArrayLike, vectors: ArrayLike) -> np.ndarray:
+        """Components along x and y to components towards east and north.
+
+        North is turned against the y axis by the convergence of the meridians, a degree
+        and more in a wide domain. Unchanged on the bare plane.
+
+        Parameters
+        ----------
+        points : (n, 2) array
+            m.
+        vectors : (..., n, 2) real or complex array
+
+        Returns
+        -------
+        turned : (..., n, 2) array
+        """
+        xy = np.asarray(vectors)
+        if not self.crs:
+            return xy.copy()
+        longitude, latitude = self.inverse(points).T
+        factors = pyproj.Proj(self.crs).get_factors(longitude, latitude)
+        turn = np.radians(factors.meridian_convergence)
+        cos, sin = np.cos(turn), np.sin(turn)
+        x, y = xy[..., 0], xy[..., 1]
+        return np.stack([cos * x + sin * y, cos * y - sin * x], axis=-1)

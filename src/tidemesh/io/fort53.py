@@ -70,7 +70,11 @@ def write_fort53(path: str | Path, tide: TideSolution) -> None:
 
 
 def write_fort54(path: str | Path, tide: TideSolution) -> None:
-    """Write the velocity of a solution as ADCIRC does (gzipped if named .gz)."""
+    """Write the velocity of a solution as ADCIRC does (gzipped if named .gz).
+
+    The components are written as they are, along x and y. On a mesh in degrees ADCIRC's
+    point east and north: turn them first with `Projection.east_north`.
+    """
     _write(Path(path), tide, tide.velocity)
 
 
