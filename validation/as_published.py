@@ -1,7 +1,7 @@
 """The paper's numbers beside ours, from a run of the as-published case.
 
-    tidemesh run examples/south_carolina/as_published.toml -o out/as_published
-    python validation/as_published.py out/as_published
+tidemesh run examples/south_carolina/as_published.toml -o out/as_published
+python validation/as_published.py out/as_published
 """
 
 from __future__ import annotations

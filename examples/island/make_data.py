@@ -33,15 +33,28 @@ def shoreline() -> dict:
     rounding = 0.15
     quarter = np.linspace(0.0, np.pi / 2.0, 13)
     north_east = np.stack(
-        [EAST - rounding + rounding * np.cos(quarter),
-         NORTH - rounding + rounding * np.sin(quarter)], axis=1)
+        [
+            EAST - rounding + rounding * np.cos(quarter),
+            NORTH - rounding + rounding * np.sin(quarter),
+        ],
+        axis=1,
+    )
     north_west = np.stack(
-        [WEST + rounding - rounding * np.sin(quarter),
-         NORTH - rounding + rounding * np.cos(quarter)], axis=1)
+        [
+            WEST + rounding - rounding * np.sin(quarter),
+            NORTH - rounding + rounding * np.cos(quarter),
+        ],
+        axis=1,
+    )
     low = SOUTH - 0.2
     frame = [
-        (WEST - 0.2, low), (WEST, low), *north_west[::-1], *north_east[::-1],
-        (EAST, low), (EAST + 0.2, low), (EAST + 0.2, NORTH + 0.2),
+        (WEST - 0.2, low),
+        (WEST, low),
+        *north_west[::-1],
+        *north_east[::-1],
+        (EAST, low),
+        (EAST + 0.2, low),
+        (EAST + 0.2, NORTH + 0.2),
         (WEST - 0.2, NORTH + 0.2),
     ]
     features = [
@@ -104,14 +117,21 @@ def main() -> None:
 
     with open(DATA / "open_boundary.csv", "w", newline="") as file:
         rows = csv.writer(file, lineterminator="\n")
-        rows.writerow(["lon", "lat", "constituent", "amplitude_m",
-                       "phase_deg_greenwich"])
+        rows.writerow(
+            ["lon", "lat", "constituent", "amplitude_m", "phase_deg_greenwich"]
+        )
         for x in np.linspace(WEST, EAST, 11):
             share = (x - WEST) / (EAST - WEST)
             for name, size, phase in (("M2", 0.5, 100.0), ("K1", 0.1, 200.0)):
-                rows.writerow([f"{x:.2f}", f"{SOUTH:.2f}", name,
-                               f"{size * (1 + 0.2 * share):.4f}",
-                               f"{phase + 10.0 * share:.2f}"])
+                rows.writerow(
+                    [
+                        f"{x:.2f}",
+                        f"{SOUTH:.2f}",
+                        name,
+                        f"{size * (1 + 0.2 * share):.4f}",
+                        f"{phase + 10.0 * share:.2f}",
+                    ]
+                )
 
 
 if __name__ == "__main__":

@@ -135,7 +135,8 @@ def _print_summary(result: Any) -> None:
         quality = summary["quality"]
         lines.append(
             f"{summary['nodes']} nodes, {summary['elements']} elements, "
-            f"mean q {quality['quality_mean']:.3f}, min q {quality['quality_minimum']:.3f}, "
+            f"mean q {quality['quality_mean']:.3f}, "
+            f"min q {quality['quality_minimum']:.3f}, "
             f"{summary['seconds']:.1f} s"
         )
     click.echo("\n".join(lines))

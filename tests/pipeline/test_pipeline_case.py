@@ -9,7 +9,7 @@ from tidemesh.pipeline.case import read_case
 @pytest.mark.parametrize(
     ("override", "parts"),
     [
-        ("sizing.node=5", ['sizing.node', 'did you mean "nodes"', "keys of [sizing]"]),
+        ("sizing.node=5", ["sizing.node", 'did you mean "nodes"', "keys of [sizing]"]),
         ("sizing.nodes=-5", ["sizing.nodes = -5", "expected int >= "]),
         ("sizing.nodes=many", ['sizing.nodes = "many"', "expected int, got str"]),
         ("sizing.rule=hesian", ['sizing.rule = "hesian"', 'did you mean "hessian"']),

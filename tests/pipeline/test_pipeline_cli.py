@@ -173,7 +173,14 @@ def test_ctrl_c(island, tmp_path):
     """Interrupted in the middle: exit code 3, no half file, and the next run goes on."""
     output = tmp_path / "out"
     command = [sys.executable, "-c", "from tidemesh.cli import main; main()"]
-    command += ["run", str(island), "-o", str(output), "--set", "base_grid.spacing_m=300"]
+    command += [
+        "run",
+        str(island),
+        "-o",
+        str(output),
+        "--set",
+        "base_grid.spacing_m=300",
+    ]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     for _ in range(600):
         if (output / "stages" / "domain.json").exists():

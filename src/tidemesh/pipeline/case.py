@@ -191,7 +191,7 @@ def _dotted(steps: Sequence[str | int]) -> str:
 
 
 def _line(text: str, steps: Sequence[str | int]) -> str:
-    """ "line N: " of the key in the file, or of the nearest section above it."""
+    """Words "line N: " for the key in the file, or for the section above it."""
     section: list[str] = []
     names = [s for s in steps if isinstance(s, str)]
     best = None

@@ -86,7 +86,8 @@ def format_description(description: dict[str, Any]) -> str:
             f"  {kind:<12} {len(found)} strings, {sum(s['nodes'] for s in found)} nodes"
             for kind, found in count.items()
         ),
-        f"  quality q    mean {figure['quality_mean']:.3f}, min {figure['quality_minimum']:.3f}",
+        f"  quality q    mean {figure['quality_mean']:.3f}, "
+        f"min {figure['quality_minimum']:.3f}",
     ]
     lines += [f"  FAULT        {problem}" for problem in description["problems"]]
     lines += [] if description["problems"] else ["  no faults found"]

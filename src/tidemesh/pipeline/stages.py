@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,6 @@ from tidemesh.datatypes import (
     SizeField,
     TideSolution,
 )
-from tidemesh.errors import ConvergenceError
 from tidemesh.io.files import atomic
 from tidemesh.io.fort14 import write_fort14
 from tidemesh.io.shoreline import read_polygon, read_shoreline
@@ -30,9 +28,6 @@ from tidemesh.pipeline.case import Case
 from tidemesh.pipeline.runner import Context, Stage
 from tidemesh.triangulation import domain as domain_mesh
 from tidemesh.triangulation import locate, quality, topology
-
-_RETRIES = 4
-
 
 # ---- 1. domain (section 3.1) ----------------------------------------------------
 
@@ -342,19 +337,23 @@ def choose_sizes(context: Context) -> dict[str, Any]:
     rule = sizing.build_rule(inputs, settings)
     sizes = sizing.size_builder(mesh, rule, settings)
 
-    budget = _NodeBudget(case, domain, mesh, sizes, context.progress)
-    found = sizing.choose_level(
+    calls = 0
+
+    def count(level: float) -> int:
+        nonlocal calls
+        calls += 1
+        context.progress(1.0 - 0.85**calls)
+        return place_nodes(case, domain, mesh, sizes(level)).n_points
+
+    level = sizing.choose_level(
         mesh,
         rule,
         sizes,
         settings,
-        count=budget.count if settings.tolerance == "nodes" else None,
+        count=count if settings.tolerance == "nodes" else None,
         base_spacing=base_spacing(context),
         series=measured["series"],
-    )
-    level = found.value
-    if settings.tolerance == "nodes":
-        level = budget.refine(level, settings.nodes)
+    ).value
     field = sizes(level)
     asked = rule(level)
     context.report["sizing"] = {
@@ -369,57 +368,6 @@ def choose_sizes(context: Context) -> dict[str, Any]:
     return {"field": field, "level": level}
 
 
-class _NodeBudget:
-    """Counts the nodes that a level gives, with and without the mesh improvement."""
-
-    def __init__(
-        self,
-        case: Case,
-        domain: Domain,
-        base: CoastalMesh,
-        sizes: Callable[[float], SizeField],
-        progress: Callable[[float], None],
-    ):
-        self._case, self._domain, self._base = case, domain, base
-        self._sizes, self._progress = sizes, progress
-        self._calls = 0
-
-    def count(self, level: float) -> int:
-        """Nodes placed, before the improvement adds or removes a few."""
-        self._calls += 1
-        self._progress(1.0 - 0.85**self._calls)
-        selection = place_nodes(
-            self._case, self._domain, self._base, self._sizes(level)
-        )
-        rings = sum(len(ring.points) for ring in selection.domain.rings)
-        return rings + len(selection.interior)
-
-    def refine(self, level: float, nodes: int) -> float:
-        """Correct the level until the finished mesh meets the budget within 1 %."""
-        best = (math.inf, level)
-        tried: dict[float, int] = {}
-        for _ in range(_RETRIES):
-            self._calls += 1
-            self._progress(1.0 - 0.85**self._calls)
-            field = self._sizes(level)
-            points, _, _, _ = make_triangles(
-                self._case, self._domain, self._base, field
-            )
-            tried[level] = len(points)
-            off = abs(len(points) / nodes - 1.0)
-            best = min(best, (off, level))
-            if off <= 0.004:
-                break
-            level *= math.sqrt(len(points) / nodes)
-        if best[0] > 0.01:
-            counts = ", ".join(str(n) for n in sorted(tried.values()))
-            raise ConvergenceError(
-                f"[sizing] nodes = {nodes}: the finished mesh had {counts} nodes, never "
-                "within 1 %; ask for one of these numbers"
-            )
-        return best[1]
-
-
 # ---- 6. mesh (section 3.5) ------------------------------------------------------
 
 
@@ -427,9 +375,16 @@ def make_mesh(context: Context) -> CoastalMesh:
     """Sizes to the finished mesh: hierarchy, Delaunay, smoothing, depths, strings."""
     case = context.case
     base, field = context["base_grid"], context["sizing"]["field"]
-    points, triangles, domain, reports = make_triangles(
-        case, context["domain"], base, field
+    selection = place_nodes(case, context["domain"], base, field)
+    context.progress(0.3)
+    points, triangles, improved = improve.improve_mesh(
+        selection.domain,
+        selection.interior,
+        selection.spacing,
+        case.improve,
+        nodes=case.sizing.nodes if case.sizing.tolerance == "nodes" else None,
     )
+    domain = selection.domain
     context.progress(0.6)
     spacing = node_spacing(points, triangles)
     sources = basegrid.read_sources(domain, case.depth, folder=context.folder)
@@ -451,7 +406,7 @@ def make_mesh(context: Context) -> CoastalMesh:
         minimum_depth=case.depth.minimum_m,
     )
     context.progress(0.8)
-    target = locate.as_function(field)(points)
+    target = selection.spacing(points)
     edge = topology.edges(triangles)
     length = np.linalg.norm(points[edge[:, 1]] - points[edge[:, 0]], axis=1)
     ratio = length / target[edge].mean(axis=1)
@@ -470,7 +425,8 @@ def make_mesh(context: Context) -> CoastalMesh:
                 ((ratio >= math.sqrt(0.5)) & (ratio <= math.sqrt(2.0))).mean()
             ),
             "depths": _plain(depths),
-            "placement": reports,
+            "placement": _plain(selection.report),
+            "improvement": _plain(improved),
         }
     )
     fields = [Field("spacing", target, "m", "allowed node spacing")]
@@ -490,18 +446,6 @@ def place_nodes(
     return hierarchy.select_points(
         domain, locate.as_function(field), case.hierarchy, near_shore_points=kept
     )
-
-
-def make_triangles(
-    case: Case, domain: Domain, base: CoastalMesh, field: SizeField
-) -> tuple[np.ndarray, np.ndarray, Domain, dict[str, Any]]:
-    """Points, triangles, resampled domain and what was done."""
-    selection = place_nodes(case, domain, base, field)
-    points, triangles, report = improve.improve_mesh(
-        selection.domain, selection.interior, selection.spacing, case.improve
-    )
-    reports = {"hierarchy": _plain(selection.report), "improve": _plain(report)}
-    return points, triangles, selection.domain, reports
 
 
 # ---- 7. check: the tide on the mesh ---------------------------------------------
@@ -670,14 +614,14 @@ STAGES = (
     Stage(
         "sizing",
         choose_sizes,
-        ("title", "base_grid", "truncation", "sizing", "hierarchy", "improve"),
+        ("title", "base_grid", "truncation", "sizing", "hierarchy"),
         (),
         ("domain", "base_grid", "tide", "truncation"),
     ),
     Stage(
         "mesh",
         make_mesh,
-        ("title", "domain", "hierarchy", "improve", "depth"),
+        ("title", "domain", "sizing", "hierarchy", "improve", "depth"),
         ("depth.",),
         ("domain", "base_grid", "sizing"),
     ),
