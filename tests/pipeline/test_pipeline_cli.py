@@ -1,4 +1,4 @@
-"""The whole program on the island case, as a user meets it: outputs, resuming, errors."""
+"""The whole program on the island case, as a user meets it."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ def test_usage_errors(tmp_path, capsys):
 
 @pytest.mark.skipif(os.name == "nt", reason="signals differ on Windows")
 def test_ctrl_c(island, tmp_path):
-    """Interrupted in the middle: exit code 3, no half file, and the next run goes on."""
+    """Interrupted: exit code 3, no half file, and the next run goes on."""
     output = tmp_path / "out"
     command = [sys.executable, "-c", "from tidemesh.cli import main; main()"]
     command += [

@@ -24,6 +24,7 @@ from tidemesh.errors import InputError
 from tidemesh.geometry.polygons import (
     divide_path,
     lexicographic_first,
+    path_length,
     polygon_parts,
     transform,
 )
@@ -161,8 +162,11 @@ def ocean_nodes(
 
 def _without_stubs(string: np.ndarray, least: float) -> np.ndarray:
     # Cutting at the shore leaves steps of rounding size, whose direction is chance.
-    keep = np.append(np.hypot(*np.diff(string, axis=0).T) > least, True)
-    keep[0] = True
+    length = path_length(string)
+    cell = np.floor(length / least)
+    keep = np.append(True, cell[1:] != cell[:-1])
+    keep &= length[-1] - length > least
+    keep[[0, -1]] = True
     return string[keep]
 
 

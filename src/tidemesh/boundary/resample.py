@@ -194,7 +194,7 @@ def _touching(
     width = LEAST_WIDTH * rules.width(middle)
     # At a junction the shore may leave the open boundary at a small angle.
     length = np.hypot(*(ends - starts).T)
-    width = np.where(at_sea, 0.5 * np.minimum(width, length), width)
+    width = np.where(at_sea, np.minimum(width, 0.5 * length), width)
     tree = shapely.STRtree(segments)
     a, b = tree.query(segments, predicate="dwithin", distance=np.maximum(touch, width))
     a, b = np.minimum(a, b), np.maximum(a, b)

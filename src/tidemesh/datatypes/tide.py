@@ -11,7 +11,7 @@ from tidemesh.datatypes._arrays import ComplexArray, FloatArray, IntArray, own_f
 
 @dataclass(frozen=True, eq=False)
 class TideTable:
-    """Harmonic constants of elevation at scattered places (a boundary table, gauges)."""
+    """Harmonic constants of elevation at places: a boundary table, gauges."""
 
     longitude_deg: FloatArray
     """(n_places,)."""
