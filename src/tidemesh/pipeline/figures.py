@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from tidemesh import plots
-from tidemesh.io.shoreline import read_shoreline
 from tidemesh.pipeline.runner import Context, Stage
+from tidemesh.pipeline.stages import read_land
 
 
 def draw_figures(context: Context) -> dict[str, Any]:
@@ -25,14 +25,7 @@ def _drawings(context: Context) -> Mapping[str, Callable]:
     domain, base, mesh = context["domain"], context["base_grid"], context["mesh"]
     tide, check = context["tide"], context["check"]
     sizes = context["sizing"]["field"]
-    settings = context.case.domain
-    land = read_shoreline(
-        context.files["domain.shoreline"],
-        box_deg=settings.box_deg,
-        layer=settings.layer,
-        land_on=settings.land_on,
-        repair=settings.repair,
-    )
+    land = read_land(context, repairs=[])
     published = context.case.sizing.rule == "truncation_error"
     kind, label = (
         ("error", "truncation error (m/s²)")

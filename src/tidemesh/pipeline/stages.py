@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
-from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -19,12 +17,14 @@ from tidemesh.datatypes import (
     SizeField,
     TideSolution,
 )
-from tidemesh.io.files import atomic
+from tidemesh.geometry.polygons import ring_area
+from tidemesh.io.domain_geojson import write_domain
 from tidemesh.io.fort14 import write_fort14
 from tidemesh.io.shoreline import read_polygon, read_shoreline
 from tidemesh.io.tide_tables import read_tide_table
 from tidemesh.io.ugrid import Field, write_ugrid
 from tidemesh.pipeline.case import Case
+from tidemesh.pipeline.compare import compare_with_base, compare_with_gauges
 from tidemesh.pipeline.runner import Context, Stage
 from tidemesh.triangulation import domain as domain_mesh
 from tidemesh.triangulation import locate, quality, topology
@@ -36,7 +36,7 @@ def make_domain(context: Context) -> Domain:
     """Shoreline to typed rings of water."""
     settings = context.case.domain
     repairs: list[LedgerEntry] = []
-    land = _read_land(context, repairs)
+    land = read_land(context, repairs)
     context.progress(0.3)
     region_land = [
         read_shoreline(
@@ -64,11 +64,11 @@ def make_domain(context: Context) -> Domain:
     context.report["domain"] = {
         "boundary_nodes": sum(len(ring.points) for ring in domain.rings),
         "islands": len(domain.rings) - 1,
-        "area_km2": _water_area(domain) / 1e6,
+        "area_km2": sum(ring_area(ring.points) for ring in domain.rings) / 1e6,
         "ledger": actions,
         "ledger_area_km2": sum(entry.area_m2 for entry in domain.ledger) / 1e6,
     }
-    _write_domain(context.path("domain.geojson"), domain)
+    write_domain(context.path("domain.geojson"), domain)
     return domain
 
 
@@ -78,7 +78,8 @@ def _extent(polygon_deg) -> tuple[float, float, float, float]:
     return min(longitudes), min(latitudes), max(longitudes), max(latitudes)
 
 
-def _read_land(context: Context, repairs: list[LedgerEntry]):
+def read_land(context: Context, repairs: list[LedgerEntry]):
+    """Land polygons of the case, in degrees; repairs are added to the list."""
     settings = context.case.domain
     return read_shoreline(
         context.files["domain.shoreline"],
@@ -88,67 +89,6 @@ def _read_land(context: Context, repairs: list[LedgerEntry]):
         repair=settings.repair,
         ledger=repairs,
     )
-
-
-def _water_area(domain: Domain) -> float:
-    total = 0.0
-    for ring in domain.rings:
-        x, y = (ring.points - ring.points[0]).T
-        total += 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
-    return total
-
-
-def _write_domain(path: Path, domain: Domain) -> None:
-    """Boundary lines and ledger as GeoJSON, for a look in a GIS."""
-    features: list[dict[str, Any]] = []
-    for number, ring in enumerate(domain.rings):
-        places = domain.projection.inverse(ring.points).round(7)
-        for kind, name in ((0, "land"), (1, "ocean")):
-            for run in _runs(ring.segment_kind == kind):
-                nodes = [*run, (run[-1] + 1) % len(places)]
-                features.append(
-                    {
-                        "type": "Feature",
-                        "properties": {"ring": number, "kind": name},
-                        "geometry": {
-                            "type": "LineString",
-                            "coordinates": places[nodes].tolist(),
-                        },
-                    }
-                )
-    for entry in domain.ledger:
-        properties = {
-            "kind": "ledger",
-            "action": entry.action,
-            "area_km2": round(entry.area_m2 / 1e6, 4),
-            "reason": entry.reason,
-        }
-        point = [round(entry.longitude_deg, 6), round(entry.latitude_deg, 6)]
-        features.append(
-            {
-                "type": "Feature",
-                "properties": properties,
-                "geometry": {"type": "Point", "coordinates": point},
-            }
-        )
-    text = json.dumps({"type": "FeatureCollection", "features": features})
-    with atomic(path) as temporary:
-        Path(temporary).write_text(text + "\n", encoding="utf-8")
-
-
-def _runs(selected: np.ndarray) -> list[list[int]]:
-    """Cyclic runs of selected segments, each as consecutive indices."""
-    n = len(selected)
-    if selected.all():
-        return [list(range(n))]
-    starts = np.flatnonzero(selected & ~np.roll(selected, 1))
-    runs = []
-    for start in starts:
-        run = [int(start)]
-        while selected[(run[-1] + 1) % n]:
-            run.append((run[-1] + 1) % n)
-        runs.append(run)
-    return runs
 
 
 # ---- 2. base grid (section 3.2) -------------------------------------------------
@@ -466,7 +406,12 @@ def check_mesh_tide(context: Context) -> dict[str, Any]:
     context.progress(0.9)
     context.report["tide"] = _tide_report(mesh, tide, context)
     context.report["against_base_grid"] = compare_with_base(
-        context.case, context["domain"], base, base_tide, mesh, tide
+        base,
+        base_tide,
+        mesh,
+        tide,
+        boundary.distance_to_land(context["domain"], base.points),
+        context.case.hierarchy.strip_width_m,
     )
     if "forcing.gauges" in context.files:
         table = read_tide_table(context.files["forcing.gauges"])
@@ -491,79 +436,6 @@ def check_mesh_tide(context: Context) -> dict[str, Any]:
 def _least_squares(case: Case):
     # A graded mesh has no lattice for the published molecules.
     return msgspec.structs.replace(case.truncation, derivatives="least_squares")
-
-
-def compare_with_base(
-    case: Case,
-    domain: Domain,
-    base: CoastalMesh,
-    base_tide: TideSolution,
-    mesh: CoastalMesh,
-    tide: TideSolution,
-) -> dict[str, Any]:
-    """Relative L2 difference of the complex elevation on the nodes of the base grid.
-
-    Over all nodes, and outside the near-shore strip, where the paper compares.
-    """
-    locator = locate.Locator(mesh.points, mesh.triangles)
-    there = locator.interpolate(tide.elevation, base.points)
-    area = np.bincount(
-        base.triangles.ravel(),
-        np.repeat(quality.area(base.points, base.triangles) / 3.0, 3),
-        len(base.points),
-    )
-    offshore = boundary.distance_to_land(domain, base.points) > (
-        case.hierarchy.strip_width_m
-    )
-    report: dict[str, Any] = {"strip_width_m": case.hierarchy.strip_width_m}
-    for c, name in enumerate(tide.names):
-        report[name] = {
-            "relative_l2": _relative_l2(there[c], base_tide.elevation[c], area),
-            "relative_l2_outside_strip": _relative_l2(
-                there[c][offshore], base_tide.elevation[c][offshore], area[offshore]
-            ),
-        }
-    report["base_nodes_per_node"] = len(base.points) / len(mesh.points)
-    return report
-
-
-def _relative_l2(ours: np.ndarray, reference: np.ndarray, weight: np.ndarray) -> float:
-    size = float(weight @ np.abs(reference) ** 2)
-    return math.sqrt(float(weight @ np.abs(ours - reference) ** 2) / size)
-
-
-def compare_with_gauges(
-    mesh: CoastalMesh, tide: TideSolution, table, *, farthest_m: float = 3000.0
-) -> list[dict[str, Any]]:
-    """Modelled and observed constants at the gauges that lie in or near the mesh."""
-    places = mesh.projection.forward(table.longitude_deg, table.latitude_deg)
-    locator = locate.Locator(mesh.points, mesh.triangles)
-    _, _, distance = locator.nearest(places)
-    model = locator.interpolate(tide.elevation, places)
-    rows = []
-    for c, name in enumerate(tide.names):
-        if name not in table.names:
-            continue
-        observed = table.elevation[table.names.index(name)]
-        for g in np.flatnonzero((distance <= farthest_m) & np.isfinite(observed)):
-            rows.append(
-                {
-                    "gauge": table.stations[g] if table.stations else str(g),
-                    "constituent": name,
-                    "longitude_deg": float(table.longitude_deg[g]),
-                    "latitude_deg": float(table.latitude_deg[g]),
-                    "observed_m": float(abs(observed[g])),
-                    "modelled_m": float(abs(model[c, g])),
-                    "observed_phase_deg": _phase(observed[g]),
-                    "modelled_phase_deg": _phase(model[c, g]),
-                    "complex_error_m": float(abs(model[c, g] - observed[g])),
-                }
-            )
-    return rows
-
-
-def _phase(value: complex) -> float:
-    return float(-np.angle(value, deg=True) % 360.0)
 
 
 # ---- small helpers --------------------------------------------------------------
