@@ -6,12 +6,12 @@ The public names, in the order of the method::
     result = tidemesh.run_case("case.toml", output="out")
 
     land = tidemesh.read_shoreline("shoreline.geojson")
-    domain = tidemesh.build_domain(land, settings)
-    base = tidemesh.build_base_grid(domain, sources, base_settings, depth_settings)
-    tide = tidemesh.solve_tide(base, forcing, settings)
-    series = tidemesh.momentum_series(base, tide, settings)
-    sizes = tidemesh.allowable_sizes(base, rule, level, settings)
-    selection = tidemesh.select_points(domain, spacing, settings)
+    domain = tidemesh.build_domain(land, case.domain)
+    base, depths = tidemesh.build_base_grid(domain, sources, case.base_grid, case.depth)
+    tide = tidemesh.solve_tide(base, forcing, case.tide)
+    series = tidemesh.momentum_series(base, tide, case.truncation)
+    sizes = tidemesh.allowable_sizes(base, rule, level, case.sizing)
+    selection = tidemesh.select_points(domain, spacing, case.hierarchy)
     points, triangles, report = tidemesh.improve_mesh(selection.domain, ...)
     tidemesh.write_fort14("mesh.14", mesh)
 """
@@ -29,8 +29,8 @@ _WHERE = {
     "read_shoreline": "tidemesh.io.shoreline",
     "build_domain": "tidemesh.boundary",
     "build_base_grid": "tidemesh.basegrid",
-    "boundary_forcing": "tidemesh.tides",
-    "solve_tide": "tidemesh.tides",
+    "boundary_forcing": "tidemesh.tides.forcing",
+    "solve_tide": "tidemesh.tides:solve",
     "momentum_series": "tidemesh.truncation",
     "allowable_sizes": "tidemesh.sizing",
     "select_points": "tidemesh.hierarchy",
@@ -38,7 +38,7 @@ _WHERE = {
     "read_fort14": "tidemesh.io.fort14",
     "write_fort14": "tidemesh.io.fort14",
     "write_ugrid": "tidemesh.io.ugrid",
-    "check_mesh": "tidemesh.triangulation",
+    "check_mesh": "tidemesh.triangulation.topology",
 }
 
 __all__ = ["__version__", *_WHERE]
@@ -47,7 +47,8 @@ __all__ = ["__version__", *_WHERE]
 def __getattr__(name: str) -> Any:
     # Loaded on first use: `import tidemesh` and `tidemesh --help` stay instant.
     if name in _WHERE:
-        return getattr(importlib.import_module(_WHERE[name]), name)
+        module, _, attribute = _WHERE[name].partition(":")
+        return getattr(importlib.import_module(module), attribute or name)
     raise AttributeError(f"module 'tidemesh' has no attribute '{name}'")
 
 

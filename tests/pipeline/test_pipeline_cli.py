@@ -193,3 +193,9 @@ def test_ctrl_c(island, tmp_path):
     for path in (output / "stages").glob("*"):
         assert path.suffix in (".json", ".npz"), path
     assert run(island, output) == 0
+
+
+def test_init_names_the_examples(tmp_path, capsys):
+    assert main(["init", str(tmp_path / "new"), "--example", "gallery"]) == 2
+    assert "there are: island, south_carolina" in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()

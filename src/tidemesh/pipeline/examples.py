@@ -28,7 +28,8 @@ def copy_example(name: str, folder: str | Path) -> Path:
         nothing of the user's is overwritten.
     """
     source = examples_folder() / name
-    known = sorted(p.name for p in examples_folder().iterdir() if p.is_dir())
+    folders = sorted(p.name for p in examples_folder().iterdir())
+    known = [n for n in folders if (examples_folder() / n / f"{n}.toml").is_file()]
     if name not in known:
         raise InputError(f"no example {name}; there are: {', '.join(known)}")
     folder = Path(folder)
