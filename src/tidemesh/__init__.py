@@ -24,8 +24,8 @@ from typing import Any
 __version__ = "0.1.0"
 
 _WHERE = {
-    "read_case": "tidemesh.pipeline",
-    "run_case": "tidemesh.pipeline",
+    "read_case": "tidemesh.pipeline.case",
+    "run_case": "tidemesh.pipeline.run",
     "read_shoreline": "tidemesh.io.shoreline",
     "build_domain": "tidemesh.boundary",
     "build_base_grid": "tidemesh.basegrid",

@@ -75,7 +75,7 @@ def run(
 
     A second run goes on at the first stage whose inputs have changed.
     """
-    from tidemesh.pipeline import run_case
+    from tidemesh.pipeline.run import run_case
     from tidemesh.pipeline.runner import SilentReporter
 
     reporter: Any = SilentReporter()

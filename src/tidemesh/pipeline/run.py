@@ -8,7 +8,6 @@ from pathlib import Path
 from tidemesh.errors import InputError
 from tidemesh.io.tide_tables import read_tide_table
 from tidemesh.pipeline.case import Case, input_files, read_case
-from tidemesh.pipeline.figures import FIGURES
 from tidemesh.pipeline.runner import Reporter, Run, run_stages
 from tidemesh.pipeline.stages import STAGES
 
@@ -51,7 +50,12 @@ def run_case(
     files = input_files(checked, path.parent)
     check_inputs(checked, files)
     folder = Path(output) if output is not None else Path("out") / path.stem
-    stages = STAGES if not checked.output.figures else (*STAGES, FIGURES)
+    stages = STAGES
+    if checked.output.figures:
+        # Loads matplotlib, which takes longer than a small mesh.
+        from tidemesh.pipeline.figures import FIGURES
+
+        stages = (*STAGES, FIGURES)
     return run_stages(
         stages,
         checked,
