@@ -11,6 +11,7 @@ from tidemesh.basegrid import BaseGridSettings, PolarCentre, build_base_points
 from tidemesh.basegrid.clearance import NearBoundary
 from tidemesh.basegrid.polar import arc_points
 from tidemesh.datatypes import Domain
+from tidemesh.errors import InputError
 from tidemesh.geometry.projection import Projection
 from tidemesh.triangulation.domain import triangulate
 
@@ -176,3 +177,8 @@ def test_arcs_in_metres_and_region_polygon():
 def test_settings_that_contradict_themselves(wrong):
     with pytest.raises(ValueError):
         wrong()
+
+
+def test_a_lattice_too_fine_is_refused_before_it_is_made():
+    with pytest.raises(InputError, match=r"base_grid.spacing_m = 0.1 m gives 3\d\d,"):
+        build_base_points(disc(1e3, 50.0), BaseGridSettings(spacing_m=0.1))

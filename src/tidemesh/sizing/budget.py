@@ -73,7 +73,7 @@ def find_level(
         Where to start, and the expected d log(count) / d log(level), negative. A
         former search, for instance with `expected_nodes`, gives both.
     tolerance : float
-        Relative.
+        Relative; at least one node.
     least : float, optional
         Number of nodes that no level can go below, if known.
     maximum_evaluations : int
@@ -93,6 +93,8 @@ def find_level(
     """
     if least is not None and nodes < least / (1.0 + tolerance):
         raise _budget_too_low(nodes, least)
+    # Nodes come one by one: of a small budget no count need be within the tolerance.
+    tolerance = max(tolerance, 1.01 / nodes)
     tried: dict[float, float] = {}
     counts: dict[float, float] = {}
     x = math.log(guess)
