@@ -53,3 +53,22 @@ def test_bare_plane_and_equirectangular_map_leave_vectors_alone():
     projection = Projection.equirectangular(-79.75, 33.0)
     points = projection.forward(LONGITUDE, LATITUDE)
     np.testing.assert_allclose(projection.east_north(points, vectors), vectors)
+
+
+@pytest.mark.parametrize(
+    ("crs", "first"),
+    [
+        (Projection.stereographic(180.5, -17.0).crs, 178.0),
+        (Projection.equirectangular(-179.5, 52.0).crs, -182.0),
+        ("EPSG:32601", -182.0),
+        ("EPSG:32660", 178.0),
+    ],
+)
+def test_longitudes_do_not_jump_at_the_date_line(crs, first):
+    """Both sides of 180 degrees come back as neighbours, near the map's middle."""
+    projection = Projection(crs)
+    longitude = first + np.arange(5.0)
+    latitude = np.full(5, 10.0)
+    wrapped = (longitude + 180.0) % 360.0 - 180.0
+    places = projection.inverse(projection.forward(wrapped, latitude))
+    np.testing.assert_allclose(places[:, 0], longitude, atol=1e-9)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -58,6 +59,15 @@ class Projection:
                 f'projection "{self.crs}" is not known: {error}'
             ) from error
 
+    @cached_property
+    def _central_meridian(self) -> float:
+        """Longitude (degrees) of the natural origin; 0 if the map has none."""
+        operation = pyproj.CRS.from_user_input(self.crs).coordinate_operation
+        for parameter in operation.params if operation else ():
+            if parameter.name == "Longitude of natural origin":
+                return math.degrees(parameter.value * parameter.unit_conversion_factor)
+        return 0.0
+
     def forward(self, longitude_deg: ArrayLike, latitude_deg: ArrayLike) -> np.ndarray:
         """Degrees to metres: (n,) and (n,) -> (n, 2)."""
         lon = np.asarray(longitude_deg, dtype=np.float64)
@@ -68,14 +78,22 @@ class Projection:
         return np.stack([np.asarray(x), np.asarray(y)], axis=-1)
 
     def inverse(self, points: ArrayLike) -> np.ndarray:
-        """Metres to degrees: (n, 2) -> (n, 2) longitude, latitude."""
+        """Metres to degrees: (n, 2) -> (n, 2) longitude, latitude.
+
+        Longitudes lie within 180 degrees of the map's central meridian, so that they
+        do not jump at the date line.
+        """
         xy = np.asarray(points, dtype=np.float64)
         if not self.crs:
             return xy.copy()
         lon, lat = self._transformer.transform(
             xy[..., 0], xy[..., 1], direction="INVERSE"
         )
-        return np.stack([np.asarray(lon), np.asarray(lat)], axis=-1)
+        lon = np.asarray(lon)
+        # Only those beyond are moved, since moving costs the last digit.
+        turns = np.floor((lon - self._central_meridian + 180.0) / 360.0)
+        lon = np.where(turns == 0.0, lon, lon - 360.0 * turns)
+        return np.stack([lon, np.asarray(lat)], axis=-1)
 
     def east_north(self, points: ArrayLike, vectors: ArrayLike) -> np.ndarray:
         """Components along x and y to components towards east and north.

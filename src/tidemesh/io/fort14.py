@@ -92,7 +92,7 @@ def read_fort14(
     path : path
         Compressed if it ends in ".gz".
     coordinates : {"auto", "degrees", "metres"}
-        What x and y are. "auto" takes them for degrees if all lie within -180..360 and
+        What x and y are. "auto" takes them for degrees if all lie within -360..360 and
         -90..90.
     projection : Projection, optional
         For degrees. Default: ADCIRC's equirectangular map about the middle of the mesh.
@@ -482,7 +482,7 @@ def _to_plane(
     projection: Projection | None,
 ) -> tuple[np.ndarray, Projection]:
     low, high = place.min(axis=0), place.max(axis=0)
-    fits = low[0] >= -180.0 and high[0] <= 360.0 and low[1] >= -90.0 and high[1] <= 90.0
+    fits = low[0] >= -360.0 and high[0] <= 360.0 and low[1] >= -90.0 and high[1] <= 90.0
     if coordinates == "degrees" and not fits:
         raise FormatError(
             f"x {low[0]:g}..{high[0]:g} and y {low[1]:g}..{high[1]:g} are not degrees",
@@ -497,8 +497,6 @@ def _to_plane(
         longitude = np.where(longitude < 0.0, longitude + 360.0, longitude)
     if projection is None:
         middle = 0.5 * (longitude.min() + longitude.max())
-        if middle > 180.0:
-            middle -= 360.0
         projection = Projection.equirectangular(
             round(float(middle), 2), round(float(0.5 * (low[1] + high[1])), 2)
         )

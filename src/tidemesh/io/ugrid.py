@@ -460,6 +460,9 @@ def _read_points(
         return np.column_stack(plane), Projection(definition)
     if all(values is not None for values in place):
         longitude = np.where(place[0] > 180.0, place[0] - 360.0, place[0])
+        if np.ptp(longitude) > 180.0:
+            # The mesh lies across the date line.
+            longitude = np.where(longitude < 0.0, longitude + 360.0, longitude)
         projection = Projection.equirectangular(
             round(float(longitude.min() + longitude.max()) / 2.0, 2),
             round(float(place[1].min() + place[1].max()) / 2.0, 2),
