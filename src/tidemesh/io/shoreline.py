@@ -299,9 +299,14 @@ def _from_polygons(
 
 def _clash(polygons: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """Pairs of polygons that are the same or overlap, in file order."""
-    tree = shapely.STRtree(polygons)
-    a, b = tree.query(polygons, predicate="intersects")
+    a, b = shapely.STRtree(polygons).query(polygons)
     a, b = a[a < b], b[a < b]
+    # A mainland meets the bounds of every island: it is indexed once, and asked.
+    size = shapely.get_num_coordinates(polygons)
+    large, small = np.where(size[a] >= size[b], (a, b), (b, a))
+    shapely.prepare(polygons)
+    meet = shapely.intersects(polygons[large], polygons[small])
+    a, b = a[meet], b[meet]
     same = shapely.equals(polygons[a], polygons[b])
     over = shapely.overlaps(polygons[a], polygons[b])
     pairs = sorted(
