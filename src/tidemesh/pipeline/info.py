@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from tidemesh.datatypes import CoastalMesh
 from tidemesh.errors import InputError
+from tidemesh.geometry.projection import Projection
 from tidemesh.io.fort14 import read_fort14
 from tidemesh.io.ugrid import read_ugrid
 from tidemesh.triangulation import quality, topology
@@ -32,9 +34,23 @@ def read_mesh(path: str | Path) -> CoastalMesh:
     return read_fort14(path)
 
 
+def _on_a_conformal_map(mesh: CoastalMesh) -> CoastalMesh:
+    """The same mesh with true angles: ADCIRC's own map stretches them off its middle.
+
+    On the stereographic map lengths are right to 0.1 % within 800 km of the middle.
+    """
+    if not mesh.projection.crs:
+        return mesh
+    places = mesh.projection.inverse(mesh.points)
+    middle = 0.5 * (places.min(axis=0) + places.max(axis=0))
+    projection = Projection.stereographic(*middle.tolist())
+    points = projection.forward(*places.T)
+    return dataclasses.replace(mesh, points=points, projection=projection)
+
+
 def describe_mesh(path: str | Path) -> dict[str, Any]:
     """Size, extent, depths, boundaries, quality and faults of a mesh file."""
-    mesh = read_mesh(path)
+    mesh = _on_a_conformal_map(read_mesh(path))
     problems = topology.check_mesh(
         mesh.points, mesh.triangles, mesh.depth, mesh.boundaries
     )
