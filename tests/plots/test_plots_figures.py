@@ -58,7 +58,8 @@ def square_domain():
         (Ring(corners, [OCEAN, LAND, LAND, LAND]),),
         PLACE,
         (
-            LedgerEntry("narrow water removed", -79.85, 33.2, -2e6, "narrow"),
+            LedgerEntry("narrow water removed", -79.895, 33.19, -2e6, "narrow"),
+            LedgerEntry("separate water left out", -79.5, 33.5, -9e9, "apart"),
             LedgerEntry("island dropped", -79.9, 33.1, 1e5, "small"),
         ),
     )
@@ -184,9 +185,10 @@ def test_boundary_shows_the_water_removed():
     shown = shapely.Polygon(removed[0].vertices)
     assert shown.area == pytest.approx(0.01 * (33.2 - 33.18024), rel=1e-3)
     assert shown.centroid.x == pytest.approx(-79.895, abs=1e-4)
-    # The panel is centred on the water removed, not on the island.
+    # The panel is centred on the water removed, not on the island, nor on water that
+    # was never part of the domain.
     panel = axis.figure.axes[1]
-    assert np.mean(panel.get_xlim()) == pytest.approx(-79.85)
+    assert np.mean(panel.get_xlim()) == pytest.approx(-79.895)
 
 
 def test_phase_of_a_lag():

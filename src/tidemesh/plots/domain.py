@@ -116,7 +116,7 @@ def boundary_before_after(
     lost = _water_lost(near, domain, rings, frame, low - margin, high + margin)
 
     if zoom_deg is None:
-        window = _window_at_loss(axis, domain, frame, 0.06 * (high - low))
+        window = _window_at_loss(axis, domain, lost, frame, 0.06 * (high - low))
     else:
         window = frame.place_degrees(np.reshape(zoom_deg, (2, 2)))
     panels = [] if window is None else panels_beside(axis, 1)
@@ -186,10 +186,18 @@ def _fill(axis: Axes, geometry, frame: Frame, **style) -> None:
 
 
 def _window_at_loss(
-    axis: Axes, domain: Domain, frame: Frame, half: np.ndarray
+    axis: Axes, domain: Domain, lost: list, frame: Frame, half: np.ndarray
 ) -> np.ndarray | None:
-    """Window about the largest water removed."""
-    losses = [entry for entry in domain.ledger if entry.area_m2 < 0.0]
+    """Window about the largest water removed, of that which is drawn as such."""
+    # Water apart from the domain is in the ledger too, but there is nothing to compare.
+    drawn = shapely.union_all(lost)
+    shapely.prepare(drawn)
+    losses = [
+        entry
+        for entry in domain.ledger
+        if entry.area_m2 < 0.0
+        and shapely.intersects_xy(drawn, entry.longitude_deg, entry.latitude_deg)
+    ]
     if not losses:
         return None
     largest = min(losses, key=lambda entry: entry.area_m2)
