@@ -1,5 +1,6 @@
 """What the figures show on tiny meshes, and that their files do not vary."""
 
+from dataclasses import replace
 from functools import partial
 
 import matplotlib
@@ -144,6 +145,8 @@ def test_degrees_on_the_earth_and_km_on_the_plane():
 def test_degree_labels():
     assert longitude_label(-79.5) == "79.5°W"
     assert longitude_label(0.1 + 0.2) == "0.3°E"
+    assert longitude_label(181.0) == "179°W"
+    assert longitude_label(-182.5) == "177.5°E"
     assert latitude_label(-33.0) == "33°S"
     assert latitude_label(0.0) == "0°"
 
@@ -166,6 +169,15 @@ def test_outline_parts_land_from_sea():
     )
     lines = [c for c in axis.collections if isinstance(c, LineCollection)]
     assert [len(c.get_segments()) for c in lines] == [33, 11]
+
+
+def test_outline_of_open_sea_all_round():
+    mesh = square_mesh()
+    ring = np.concatenate([s.nodes[:-1] for s in mesh.boundaries])
+    strings = (BoundaryString("open", ring, closed=True),)
+    axis = plots.depth_contours(replace(mesh, boundaries=strings))
+    lines = [c for c in axis.collections if isinstance(c, LineCollection)]
+    assert [len(c.get_segments()) for c in lines] == [0, 44]
 
 
 def test_strings_are_numbered_by_group():

@@ -82,7 +82,9 @@ class Frame:
 
 
 def longitude_label(value: float, _position: int | None = None) -> str:
-    """Degrees east or west, for instance 79.5°W."""
+    """Degrees east or west, for instance 79.5°W, also beyond the date line."""
+    if abs(value) > 180.0:
+        value -= math.copysign(360.0, value)
     return _degrees(value, "E", "W")
 
 
@@ -179,7 +181,7 @@ def draw_outline(axis: Axes, mesh: CoastalMesh, frame: Frame, width: float = 0.8
 def _open_edges(mesh: CoastalMesh, edge: np.ndarray) -> np.ndarray:
     size = len(mesh.points)
     runs = [
-        np.stack([b.nodes[:-1], b.nodes[1:]], axis=1)
+        np.stack([b.nodes, np.roll(b.nodes, -1)], axis=1)[: None if b.closed else -1]
         for b in mesh.boundaries
         if b.kind == "open"
     ]
