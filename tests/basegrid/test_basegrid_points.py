@@ -164,6 +164,30 @@ def test_arcs_in_metres_and_region_polygon():
     assert len(points) == sum(math.floor(math.tau * k) for k in range(1, 20))
 
 
+@pytest.mark.parametrize("turn", [0.0, -360.0])
+def test_families_across_the_date_line_may_count_east_or_west(turn):
+    domain = disc(20e3, 1e3, projection=Projection.stereographic(180.5, 52.0))
+    families = [
+        [
+            PolarCentre(center_deg=(180.5 + by, 52.0), step_deg=0.01, arcs=50),
+            PolarCentre(
+                center_deg=(180.5 + by, 52.0),
+                step_deg=0.005,
+                arcs=20,
+                region_deg=[(180.4 + by, 52), (180.6 + by, 52), (180.5 + by, 52.1)],
+            ),
+            PolarCentre(center_deg=(180.4 + by, 51.9), step_deg=0.005, arcs=8),
+        ]
+        for by in (0.0, turn)
+    ]
+    one, other = (
+        build_base_points(domain, BaseGridSettings(kind="polar", centres=tuple(f)))
+        for f in families
+    )
+    assert len(one) > 1000
+    np.testing.assert_allclose(other, one, atol=1e-3)
+
+
 @pytest.mark.parametrize(
     "wrong",
     [

@@ -91,9 +91,12 @@ def _in_region(
     if centre.region_deg:
         polygon = shapely.Polygon(centre.region_deg)
         shapely.prepare(polygon)
-        return shapely.contains_xy(polygon, *projection.inverse(points).T)
+        places = projection.inverse(points)
+        places[:, 0] -= _whole_turns(places[:, 0] - polygon.centroid.x, projection)
+        return shapely.contains_xy(polygon, *places.T)
     if centre.step_deg is not None:
         offset = projection.inverse(points) - np.asarray(centre.center_deg)
+        offset[:, 0] -= _whole_turns(offset[:, 0], projection)
         offset = offset / centre.step_deg
     else:
         offset = (points - projection.forward(*centre.center_deg)) / centre.step_m
@@ -102,3 +105,10 @@ def _in_region(
         return near
     angle = np.degrees(np.arctan2(offset[:, 1], offset[:, 0]))
     return near & ((angle - centre.from_deg) % 360.0 <= centre.to_deg - centre.from_deg)
+
+
+def _whole_turns(longitude_deg: np.ndarray, projection: Projection) -> np.ndarray:
+    """What to take off for the least longitudes: users count 182 E or 178 W."""
+    if not projection.crs:
+        return np.zeros(len(longitude_deg))
+    return 360.0 * np.round(longitude_deg / 360.0)
