@@ -58,15 +58,17 @@ def make_domain(context: Context) -> Domain:
         drawn_ocean=None if drawn is None else read_polygon(drawn),
         repairs=repairs,
     )
-    actions: dict[str, int] = {}
+    counts: dict[str, int] = {}
+    areas: dict[str, float] = {}
     for entry in domain.ledger:
-        actions[entry.action] = actions.get(entry.action, 0) + 1
+        counts[entry.action] = counts.get(entry.action, 0) + 1
+        areas[entry.action] = areas.get(entry.action, 0.0) + entry.area_m2 / 1e6
     context.report["domain"] = {
         "boundary_nodes": sum(len(ring.points) for ring in domain.rings),
         "islands": len(domain.rings) - 1,
         "area_km2": sum(ring_area(ring.points) for ring in domain.rings) / 1e6,
-        "ledger": actions,
-        "ledger_area_km2": sum(entry.area_m2 for entry in domain.ledger) / 1e6,
+        "ledger": counts,
+        "ledger_area_km2": areas,
     }
     write_domain(context.path("domain.geojson"), domain)
     return domain
