@@ -79,6 +79,14 @@ def test_until(ran, tmp_path):
         ran(until="third")
 
 
+def test_until_keeps_what_still_stands_in_the_record(ran, tmp_path):
+    _, whole = ran()
+    assert ran(until="first")[1].summary == whole.summary
+    _, changed = ran(["sizing.nodes=900"], until="first")
+    assert "total" in whole.summary
+    assert "total" not in changed.summary
+
+
 def test_interrupt_keeps_what_was_done(ran, tmp_path):
     with pytest.raises(KeyboardInterrupt):
         ran(broken=KeyboardInterrupt())

@@ -167,6 +167,12 @@ def run_stages(
             resumed.append(stage.name)
             reporter.finish(stage.name, record["seconds"], True)
         records[stage.name] = record
+    # Later stages of an earlier run still stand if nothing that they read has changed.
+    for stage in stages[last:]:
+        keys[stage.name] = _key(stage, case, digests, keys)
+        record = _valid_record(output, stage.name, keys[stage.name])
+        if record is not None:
+            records[stage.name] = record
 
     summary = _summary(case, records)
     _write_json(output / "summary.json", summary)
