@@ -195,6 +195,13 @@ def test_ctrl_c(island, tmp_path):
     assert run(island, output) == 0
 
 
+def test_init_copies_what_runs_by_itself(tmp_path):
+    assert main(["init", str(tmp_path / "new")]) == 0
+    cases = {p.name for p in (tmp_path / "new").glob("*.toml")}
+    assert cases == {"south_carolina.toml", "as_published.toml"}
+    assert (tmp_path / "new" / "data" / "LICENSE-GSHHG.txt").is_file()
+
+
 def test_init_names_the_examples(tmp_path, capsys):
     assert main(["init", str(tmp_path / "new"), "--example", "gallery"]) == 2
     assert "there are: island, south_carolina" in capsys.readouterr().err

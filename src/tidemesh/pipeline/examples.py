@@ -33,7 +33,7 @@ def copy_example(name: str, folder: str | Path) -> Path:
     if name not in known:
         raise InputError(f"no example {name}; there are: {', '.join(known)}")
     folder = Path(folder)
-    files = [p for p in sorted(source.rglob("*")) if p.is_file()]
+    files = [p for p in sorted(source.rglob("*")) if p.is_file() and _is_whole(p)]
     for path in files:
         target = folder / path.relative_to(source)
         if target.exists():
@@ -46,3 +46,8 @@ def copy_example(name: str, folder: str | Path) -> Path:
     except OSError as error:
         raise InputError(f"{folder} cannot be written: {error.strerror}") from None
     return folder / f"{name}.toml"
+
+
+def _is_whole(path: Path) -> bool:
+    """Whether a file is of use by itself: not a case on data from elsewhere."""
+    return path.suffix != ".toml" or "../" not in path.read_text(encoding="utf-8")
