@@ -176,7 +176,9 @@ def run_stages(
 
     summary = _summary(case, records)
     _write_json(output / "summary.json", summary)
-    _write_json(output / "manifest.json", _manifest(case, files, digests, records))
+    manifest = _manifest(case, files, digests, records)
+    manifest["outputs"]["summary.json"] = sha256(output / "summary.json")
+    _write_json(output / "manifest.json", manifest)
     return Run(output, summary, tuple(resumed))
 
 
