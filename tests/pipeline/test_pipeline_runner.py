@@ -112,3 +112,14 @@ def test_unwritable_output(ran, tmp_path):
     (tmp_path / "out").write_text("a file where the folder should be")
     with pytest.raises(InputError, match="cannot be written"):
         ran()
+
+
+def test_infinite_settings_are_strict_json(ran, tmp_path):
+    ran(["sizing.gradation=inf"])
+    text = (tmp_path / "out" / "manifest.json").read_text()
+
+    def refuse(name):
+        raise AssertionError(f"{name} is not JSON")
+
+    manifest = json.loads(text, parse_constant=refuse)
+    assert manifest["settings"]["sizing"]["gradation"] == "inf"

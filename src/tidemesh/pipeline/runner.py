@@ -6,6 +6,7 @@ import hashlib
 import importlib.metadata
 import json
 import logging
+import math
 import platform
 import threading
 import time
@@ -174,7 +175,7 @@ def run_stages(
         if record is not None:
             records[stage.name] = record
 
-    summary = _summary(case, records)
+    summary = strict(_summary(case, records))
     _write_json(output / "summary.json", summary)
     manifest = _manifest(case, files, digests, records)
     manifest["outputs"]["summary.json"] = sha256(output / "summary.json")
@@ -321,13 +322,22 @@ def _version(name: str) -> str | None:
 
 def _write_json(path: Path, value: Any) -> None:
     with atomic(path) as temporary:
-        text = json.dumps(value, indent=2, default=_plain)
+        text = json.dumps(strict(value), indent=2, allow_nan=False)
         Path(temporary).write_text(text + "\n", encoding="utf-8")
 
 
-def _plain(value: Any) -> Any:
+def strict(value: Any) -> Any:
+    """Plain values that every JSON reader takes: no arrays, "inf" for infinity."""
+    if isinstance(value, Mapping):
+        return {str(key): strict(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [strict(inner) for inner in value]
     if hasattr(value, "tolist"):
-        return value.tolist()
+        return strict(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    if value is None or isinstance(value, str | bool | int | float):
+        return value
     return str(value)
 
 
