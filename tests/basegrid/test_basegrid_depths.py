@@ -343,3 +343,61 @@ def test_soundings_at_one_place_count_with_their_mean():
     assert np.isnan(found[3])
     line = np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]])
     assert np.isnan(interpolate_scattered(line, values[:3], points)).all()
+
+
+def volume(points, triangles, depth):
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    one, other = (b - a).T, (c - a).T
+    area = 0.5 * (one[0] * other[1] - one[1] * other[0])
+    return float((area * depth[triangles].mean(axis=1)).sum())
+
+
+def coarse_square(half, side):
+    axis = np.arange(-half, half + 1.0, side)
+    points = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
+    n = len(axis)
+    corner = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
+    lower = np.stack([corner, corner + 1, corner + n + 1], axis=1)
+    upper = np.stack([corner, corner + n + 1, corner + n], axis=1)
+    return points, np.concatenate([lower, upper])
+
+
+@pytest.mark.parametrize("spacing", [None, 4_000.0])
+def test_volume_over_a_quadratic_bed_is_conserved(spacing):
+    # The integral of r² over a square of side 2 a is 8/3 a⁴. Linear depths between
+    # nodes on the bed hold 1/64 of their error at the middles of 64 parts.
+    points, triangles = coarse_square(16_000.0, 4_000.0)
+    raster = grid(lambda x, y: -(300.0 - 6e-3 * x - 1e-7 * (x * x + y * y)), cell=250.0)
+    exact = 1200.0 * 16_000.0**2 - 8e-7 / 3.0 * 16_000.0**4
+    found = {}
+    for conserve in (True, False):
+        depth, report = sample_depths(
+            points,
+            PLANE,
+            [raster],
+            DepthSettings(conserve_volume=conserve),
+            spacing=None if spacing is None else np.full(len(points), spacing),
+            triangles=triangles,
+        )
+        found[conserve] = abs(volume(points, triangles, depth) / exact - 1.0)
+        assert (report.corrected > 0) == conserve
+    assert found[False] > 1e-3
+    assert found[True] < found[False] / 30.0
+
+
+def test_volume_leaves_a_plane_and_fine_meshes_alone():
+    points, triangles = coarse_square(16_000.0, 4_000.0)
+    depth, _ = sample_depths(points, PLANE, [grid(slope)], triangles=triangles)
+    assert np.allclose(depth, -slope(*points.T), rtol=0, atol=1e-9)
+    points, triangles = coarse_square(4_000.0, 500.0)
+    _, report = sample_depths(points, PLANE, [grid(slope)], triangles=triangles)
+    assert report.corrected == 0
+
+
+def test_corrected_depths_stay_within_those_around():
+    # A cliff: the correction would put the shallow side above the water.
+    points, triangles = coarse_square(16_000.0, 4_000.0)
+    raster = grid(lambda x, y: np.where(x < 1_000.0, -5.0, -800.0), cell=250.0)
+    depth, _ = sample_depths(points, PLANE, [raster], triangles=triangles)
+    assert depth.min() == pytest.approx(5.0)
+    assert depth.max() == pytest.approx(800.0)

@@ -13,6 +13,7 @@ from tidemesh.basegrid import source_checks
 from tidemesh.basegrid.raster_sampling import WeightedRaster
 from tidemesh.basegrid.scattered import interpolate_scattered
 from tidemesh.basegrid.settings import DepthSettings
+from tidemesh.basegrid.volume import volume_corrected
 from tidemesh.datatypes import Raster, Soundings
 from tidemesh.errors import InputError
 from tidemesh.geometry.projection import Projection
@@ -50,6 +51,8 @@ class DepthReport:
     """The minimum depth."""
     shallowest_m: float
     deepest_m: float
+    corrected: int = 0
+    """Nodes whose depth was corrected for the volume of their triangles."""
     filled_deg: tuple[tuple[float, float], ...] = ()
     """Longitude and latitude of the filled nodes, those filled from farthest first, at
     most ten."""
@@ -62,13 +65,15 @@ def sample_depths(
     settings: DepthSettings | None = None,
     *,
     spacing: np.ndarray | None = None,
+    triangles: np.ndarray | None = None,
 ) -> tuple[np.ndarray, DepthReport]:
     """Depths at points of a mesh.
 
     Rasters are interpolated between water cells alone, or, where a node stands for an
     area larger than a cell, averaged over it. Soundings are interpolated linearly on
     their Delaunay triangulation. The first source with water at a place decides; where
-    there is none the nearest water is taken.
+    there is none the nearest water is taken. With triangles the volume under the linear
+    depths is brought to that of the sources (docs/method.md, "Depths and shore").
 
     Parameters
     ----------
@@ -81,6 +86,8 @@ def sample_depths(
         What it says about files is not used here.
     spacing : (n,) float array, optional
         Node spacing (m), for the averaging; values at the places when left out.
+    triangles : (n_triangles, 3) int array, optional
+        Counter-clockwise, for the volume; left alone when not given.
 
     Returns
     -------
@@ -102,8 +109,71 @@ def sample_depths(
             "depth.sources"
         )
     place = projection.inverse(points)
+    elevation, known = _from_sources(
+        points, place, projection, sources, settings, spacing
+    )
+    empty = np.flatnonzero(np.isnan(elevation))
+    gap = np.zeros(0)
+    if len(empty):
+        elevation[empty], gap = _nearest_water(
+            points[empty],
+            place[empty],
+            known.covered[empty],
+            projection,
+            sources,
+            settings,
+        )
+    depth = -elevation
+    raised = depth < settings.minimum_m
+    depth[raised] = settings.minimum_m
+    corrected = np.zeros(len(points), dtype=bool)
+    if triangles is not None and settings.conserve_volume:
+
+        def bed(at: np.ndarray, size: np.ndarray) -> np.ndarray:
+            found, _ = _from_sources(
+                at, projection.inverse(at), projection, sources, settings, size
+            )
+            return np.maximum(-found, settings.minimum_m)
+
+        finest = min(_cell_size(source) for source in sources)
+        before = depth
+        depth = volume_corrected(points, triangles, depth, bed, finest)
+        corrected = depth != before
+    farthest = empty[np.argsort(-gap, kind="stable")[:10]]
+    report = DepthReport(
+        nodes=len(points),
+        from_source=known.from_source,
+        averaged=int(known.averaged.sum()),
+        filled=len(empty),
+        farthest_fill_m=float(gap.max(initial=0.0)),
+        raised=int(raised.sum()),
+        minimum_m=settings.minimum_m,
+        shallowest_m=float(depth.min(initial=np.inf)),
+        deepest_m=float(depth.max(initial=-np.inf)),
+        corrected=int(corrected.sum()),
+        filled_deg=tuple((float(x), float(y)) for x, y in place[farthest].round(5)),
+    )
+    logger.info("depths: %s", report)
+    return depth, report
+
+
+@dataclass(frozen=True)
+class _Known:
+    """What the sources know of the places."""
+
+    covered: np.ndarray
+    """(n,) bool: known land (a harbour that a raster does not show) against not known
+    at all."""
+    averaged: np.ndarray
+    """(n,) bool, a mean over an area."""
+    from_source: tuple[tuple[str, int], ...]
+
+
+def _from_sources(
+    points, place, projection: Projection, sources, settings: DepthSettings, spacing
+) -> tuple[np.ndarray, _Known]:
+    """Elevation by the first source with water at each place, NaN without."""
     elevation = np.full(len(points), np.nan)
-    # Known land (a harbour that a raster does not show) against not known at all.
     covered = np.zeros(len(points), dtype=bool)
     averaged = np.zeros(len(points), dtype=bool)
     from_source = []
@@ -120,31 +190,16 @@ def sample_depths(
         averaged |= new & means
         covered |= knows
         from_source.append((source.name or "unnamed", int(new.sum())))
+    return elevation, _Known(covered, averaged, tuple(from_source))
 
-    empty = np.flatnonzero(np.isnan(elevation))
-    gap = np.zeros(0)
-    if len(empty):
-        elevation[empty], gap = _nearest_water(
-            points[empty], place[empty], covered[empty], projection, sources, settings
-        )
-    depth = -elevation
-    raised = depth < settings.minimum_m
-    depth[raised] = settings.minimum_m
-    farthest = empty[np.argsort(-gap, kind="stable")[:10]]
-    report = DepthReport(
-        nodes=len(points),
-        from_source=tuple(from_source),
-        averaged=int(averaged.sum()),
-        filled=len(empty),
-        farthest_fill_m=float(gap.max(initial=0.0)),
-        raised=int(raised.sum()),
-        minimum_m=settings.minimum_m,
-        shallowest_m=float(depth.min(initial=np.inf)),
-        deepest_m=float(depth.max(initial=-np.inf)),
-        filled_deg=tuple((float(x), float(y)) for x, y in place[farthest].round(5)),
-    )
-    logger.info("depths: %s", report)
-    return depth, report
+
+def _cell_size(source: Raster | Soundings) -> float:
+    """Side (m) of the cells of a raster at its middle; 0 for soundings."""
+    if isinstance(source, Soundings):
+        return 0.0
+    along_x, along_y = metres_per_unit(source.crs, np.median(source.y))
+    steps = np.diff(source.x).mean() * along_x, np.diff(source.y).mean() * along_y
+    return float(np.mean(steps))
 
 
 def _from_raster(raster: Raster, place, settings: DepthSettings, spacing):
@@ -166,11 +221,12 @@ def _from_raster(raster: Raster, place, settings: DepthSettings, spacing):
         half_width = 0.5 * _SIDE_PER_SPACING * np.asarray(spacing)[:, None] / unit
         cell = np.array([np.diff(raster.x).max(), np.diff(raster.y).max()])
         large = np.flatnonzero((2.0 * half_width > cell).all(axis=1) & wet.covers(at))
-        mean = wet.box_mean(at[large], half_width[large])
-        # A box cut to nothing at the edge has no mean.
-        use = np.isfinite(mean)
-        found[large[use]] = mean[use]
-        means[large[use]] = True
+        if len(large):
+            mean = wet.box_mean(at[large], half_width[large])
+            # A box cut to nothing at the edge has no mean.
+            use = np.isfinite(mean)
+            found[large[use]] = mean[use]
+            means[large[use]] = True
     return found, np.isfinite(ground), means
 
 

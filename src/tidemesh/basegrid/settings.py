@@ -106,6 +106,9 @@ class DepthSettings(msgspec.Struct, **_STRICT):
     "use" takes their height."""
     averaging: bool = True
     """Average over the area that a node stands for where that is larger than a cell."""
+    conserve_volume: bool = True
+    """Correct the depths of nodes by what the linear depth of their triangles misses of
+    the water volume. Without it a coarse mesh is too deep over hollow beds."""
     fill: Literal["nearest", "error"] = "nearest"
     """Nodes for which no source has water: take the nearest water, or stop."""
     max_fill_km: _NotNegative = 50.0

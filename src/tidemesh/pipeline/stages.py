@@ -331,7 +331,12 @@ def make_mesh(context: Context) -> CoastalMesh:
     spacing = node_spacing(points, triangles)
     sources = basegrid.read_sources(domain, case.depth, folder=context.folder)
     depth, depths = basegrid.sample_depths(
-        points, domain.projection, sources, case.depth, spacing=spacing
+        points,
+        domain.projection,
+        sources,
+        case.depth,
+        spacing=spacing,
+        triangles=triangles,
     )
     mesh = CoastalMesh(
         points,
