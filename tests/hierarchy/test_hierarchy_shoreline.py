@@ -49,6 +49,34 @@ def test_circle_is_divided_evenly():
     np.testing.assert_allclose(lengths(ring), 99.7, rtol=2e-3)
 
 
+@pytest.mark.parametrize("size", [100.0, 300.0, 800.0])
+def test_area_of_a_round_bay_with_a_round_island_is_conserved(size):
+    # Chords of 800 m cut a tenth off a disc of radius 1000 m.
+    bay, island = (
+        shapely.Point(0.0, 0.0).buffer(radius, quad_segs=400)
+        for radius in (1000.0, 400.0)
+    )
+    water = domain_of(bay.difference(island))
+    new = resample_rings(water, constant(size), DEFAULT)
+    for ring, radius in zip(new.domain.rings, (1000.0, 400.0)):
+        area = shapely.Polygon(ring.points).area
+        assert area == pytest.approx(np.pi * radius**2, rel=2e-3)
+    change = polygon_of(new.domain).area - polygon_of(water).area
+    assert new.report["water_area_change_m2"] == pytest.approx(change, abs=1e-3)
+
+
+def test_a_ragged_coast_loses_four_times_less_area_than_on_chords():
+    lost = {}
+    for conserved in (True, False):
+        settings = HierarchySettings(conserve_area=conserved)
+        lost[conserved] = sum(
+            abs(polygon_of(new.domain).area - polygon_of(ragged_bay(seed)).area)
+            for seed in range(6)
+            for new in [resample_rings(ragged_bay(seed), constant(2500.0), settings)]
+        )
+    assert lost[True] < 0.25 * lost[False]
+
+
 @pytest.mark.parametrize("line_rule", ["equidistributed", "tree"])
 def test_points_between_land_and_ocean_are_kept(line_rule):
     points = np.array([[0, 0], [730, 0], [1000, 0], [1000, 810], [410, 810], [0, 810]])
@@ -65,9 +93,10 @@ def test_points_between_land_and_ocean_are_kept(line_rule):
 @pytest.mark.parametrize("line_rule", ["equidistributed", "tree"])
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("size", [400.0, 2500.0, 12000.0])
-def test_topology_of_a_ragged_coast_is_kept(seed, size, line_rule):
+@pytest.mark.parametrize("conserve_area", [True, False])
+def test_topology_of_a_ragged_coast_is_kept(seed, size, line_rule, conserve_area):
     domain = ragged_bay(seed)
-    settings = HierarchySettings(line_rule=line_rule)
+    settings = HierarchySettings(line_rule=line_rule, conserve_area=conserve_area)
     new = resample_rings(domain, constant(size), settings).domain
     water = polygon_of(new)
     assert shapely.is_valid_reason(water) == "Valid Geometry"
@@ -75,7 +104,10 @@ def test_topology_of_a_ragged_coast_is_kept(seed, size, line_rule):
     shore = polygon_of(domain).boundary
     for old, ring in zip(domain.rings, new.rings):
         assert len(ring.points) >= (4 if line_rule == "equidistributed" else 3)
-        assert shapely.distance(shapely.points(ring.points), shore).max() < 1e-6
+        aside = shapely.distance(shapely.points(ring.points), shore)
+        step = lengths(ring)
+        reach = 0.4 * np.minimum(step, np.roll(step, 1)) if conserve_area else 1e-6
+        assert (aside <= reach).all()
         assert (
             shapely.LinearRing(ring.points).is_ccw
             == shapely.LinearRing(old.points).is_ccw

@@ -41,6 +41,10 @@ class HierarchySettings(
     width_fraction: Fraction = 0.5
     """A boundary segment is refined where the opposite bank is nearer than this
     fraction of its length; 0 for no refinement beyond what the topology needs."""
+    conserve_area: bool = True
+    """Move the new points of the shore off the old one by the water that chords leave
+    out, so that bays keep their area and inlets their width; False leaves them on it.
+    Without effect on "keep"."""
     island_points: Annotated[int, msgspec.Meta(ge=3)] = 4
     """Least number of points of an island."""
     strip_width_m: Annotated[float, msgspec.Meta(ge=0)] = 5000.0

@@ -2,7 +2,9 @@
 
 New points lie on the old rings. A segment that crosses another one, or that is long
 against the width of the water before it, lowers the size around it, and the rings are
-resampled again; crossings that remain get the old vertices back.
+resampled again; crossings that remain get the old vertices back. At last the points of
+land move a little across the shore, so that the water area stays what it was along
+every stretch.
 """
 
 from __future__ import annotations
@@ -35,6 +37,10 @@ NARROWEST = 1.0 / 8.0
 # Opposite banks of a bay head are one bank: this many segment lengths along the shore
 # must lie between two places that face each other.
 ALONG_SHORE = 2.5
+# Farthest that a point moves off the old shore: parts of the segments that meet there,
+# and of the water before them.
+MOVE_PER_LENGTH = 0.25
+MOVE_PER_WIDTH = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +103,19 @@ class _Segments:
         ends = np.stack([self.points[self.start], self.points[self.start + 1]], axis=1)
         return shapely.linestrings(ends)
 
+    def kind(self, lines: _Lines) -> np.ndarray:
+        """(n,) kind of the stretch under every segment."""
+        middle = 0.5 * (self.breaks[self.start] + self.breaks[self.start + 1])
+        return lines.kind[np.searchsorted(lines.arc, middle) - 1]
+
+    def with_points(self, points: np.ndarray) -> _Segments:
+        """The same segments from new points (n, 2), the first of a ring its last."""
+        new = self.points.copy()
+        new[self.start] = points
+        ends = np.cumsum(self.count)
+        new[self.start[ends - 1] + 1] = points[ends - self.count]
+        return replace(self, points=new)
+
     def adjacent(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
         """Whether two segments follow one another on a ring."""
         gap = np.abs(one - other)
@@ -123,9 +142,10 @@ def resample_rings(
     Returns
     -------
     Resampled
-        The points lie on the given rings; points between land and ocean are kept, and
-        so is the order of the rings. The report counts points before and after, and
-        gives the area (m2) between the old rings and the new.
+        The points lie on the given rings, or with ``conserve_area`` a little beside
+        them; points between land and ocean are kept, and so is the order of the rings.
+        The report counts points before and after, and gives the area (m2) between the
+        old rings and chords of them, and the change of the water area (m2).
 
     Raises
     ------
@@ -148,6 +168,9 @@ def resample_rings(
             break
         size = _graded_along(lines, size, settings.gradation)
     segments, repairs = _uncrossed(lines, segments)
+    moved = float(np.abs(_lost_areas(lines, segments)).sum())
+    if settings.conserve_area and not keep:
+        segments = _area_conserved(lines, segments)
     new = _domain(domain, lines, segments)
 
     boundary, length = _point_lengths(segments)
@@ -156,7 +179,8 @@ def resample_rings(
         "boundary_points": float(len(segments.start)),
         "boundary_rounds": float(rounds),
         "boundary_repairs": float(repairs),
-        "shore_area_moved_m2": float(_moved_areas(lines, segments).sum()),
+        "shore_area_moved_m2": moved,
+        "water_area_change_m2": -float(_lost_areas(lines, segments).sum()),
     }
     if keep:
         return Resampled(new, spacing, report)
@@ -622,27 +646,78 @@ def _point_lengths(segments: _Segments) -> tuple[np.ndarray, np.ndarray]:
     return segments.points[segments.start], mean
 
 
-def _moved_areas(lines: _Lines, segments: _Segments) -> np.ndarray:
-    """(n,) m2 between each segment and the stretch of the old line under it."""
+def _lost_areas(lines: _Lines, segments: _Segments) -> np.ndarray:
+    """(n,) m2 of water that each segment leaves out; negative where it takes in land.
+
+    The area between the stretch of the old line under a segment, the segment, and the
+    ways from the ends of the one to the ends of the other.
+    """
     step = np.diff(lines.points, axis=0)
     origin = lines.points.mean(axis=0)
     middle = 0.5 * (lines.points[1:] + lines.points[:-1]) - origin
-    swept = middle[:, 0] * step[:, 1] - middle[:, 1] * step[:, 0]
+    swept = _cross(middle, step)
     swept[lines.last[:-1]] = 0.0
     along = np.append(0.0, np.cumsum(swept))
-    a = segments.points[segments.start] - origin
-    b = segments.points[segments.start + 1] - origin
     # The swept area is linear in the arc length along one straight piece.
-    start = np.interp(segments.breaks[segments.start], lines.arc, along)
-    stop = np.interp(segments.breaks[segments.start + 1], lines.arc, along)
-    return 0.5 * np.abs(stop - start - (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
+    along = np.interp(segments.breaks, lines.arc, along)
+    new = segments.points - origin
+    aside = _cross(lines.at(segments.breaks) - origin, new)
+    a, b = segments.start, segments.start + 1
+    return 0.5 * (along[b] - along[a] + aside[b] - aside[a] - _cross(new[a], new[b]))
+
+
+def _cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    return one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
+
+
+def _area_conserved(lines: _Lines, segments: _Segments) -> _Segments:
+    """Move land points across the shore by the water their segments leave out.
+
+    A chord cuts water off a bay and land off a head; with every point moved by the area
+    that its two segments lost over their length, the water area is conserved along the
+    shore. Points whose move would change the topology stay.
+    """
+    ahead = _next_of_ring(segments)
+    before = np.empty_like(ahead)
+    before[ahead] = np.arange(len(ahead))
+    on_line = segments.points[segments.start]
+    length = segments.length
+    pair = length + length[before]
+    chord = on_line[ahead] - on_line[before]
+    size = np.maximum(np.hypot(chord[:, 0], chord[:, 1]), 1e-9 * pair)
+    # Water lies on the left, so this points to the land.
+    normal = np.stack([chord[:, 1], -chord[:, 0]], axis=1) / size[:, None]
+
+    width = _water_widths(
+        shapely.STRtree(segments.lines), segments.lines, segments, length
+    )
+    limit = np.minimum(MOVE_PER_LENGTH * length, MOVE_PER_WIDTH * width)
+    limit = np.minimum(limit, limit[before])
+    land = segments.kind(lines) == LAND
+    limit[~(land & land[before])] = 0.0
+    move = np.zeros(len(length))
+    moved = segments
+    # The first step leaves errors of second order, the others what limits cut off.
+    for _ in range(3):
+        lost = np.where(land, _lost_areas(lines, moved), 0.0)
+        move = np.clip(move + (lost + lost[before]) / pair, -limit, limit)
+        moved = segments.with_points(on_line + move[:, None] * normal)
+    for _ in range(MAXIMUM_REPAIRS):
+        geometry = moved.lines
+        crossing = _crossing(shapely.STRtree(geometry), geometry, moved)
+        bad = np.concatenate(crossing)
+        bad = np.append(bad, np.flatnonzero(_folded_rings(moved)[moved.ring]))
+        if not len(bad):
+            break
+        move[bad] = move[ahead[bad]] = 0.0
+        moved = segments.with_points(on_line + move[:, None] * normal)
+    else:
+        return segments
+    return segments if len(_lost_rings(moved)) else moved
 
 
 def _domain(domain: Domain, lines: _Lines, segments: _Segments) -> Domain:
-    middle = 0.5 * (
-        segments.breaks[segments.start] + segments.breaks[segments.start + 1]
-    )
-    kind = lines.kind[np.searchsorted(lines.arc, middle) - 1]
+    kind = segments.kind(lines)
     ends = np.append(0, np.cumsum(segments.count))
     rings = tuple(
         Ring(segments.points[segments.start[a:b]], kind[a:b]) for a, b in pairwise(ends)
