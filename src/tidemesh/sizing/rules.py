@@ -66,10 +66,10 @@ def truncation_error(inputs: RuleInputs, settings: SizingSettings) -> SizeRule:
 
 
 def hessian(inputs: RuleInputs, settings: SizingSettings) -> SizeRule:
-    """Spacing by the curvature of the tidal elevation, |H|**(-1/3).
+    """Spacing by the curvature of the tidal elevation, |H|**(-exponent).
 
-    With the exponent 1/3 the error of linear interpolation is spread for the least
-    mean square (docs/method.md, section 3).
+    With the exponent 1/3 the error of linear interpolation has the least mean square,
+    with 1/2 that of its gradient (docs/method.md, "Why Eq. 4 is not the default").
     """
     return power_rule(
         _all_constituents(inputs.curvature),
