@@ -45,8 +45,16 @@ def test_output_that_cannot_be_written_is_named_with_a_remedy(tmp_path):
         enter(tmp_path / "none" / "out.nc")
     with pytest.raises(InputError, match="is a folder"):
         enter(tmp_path)
-    if os.geteuid() == 0:
-        pytest.skip("the superuser may write anywhere")
+
+
+def test_folder_without_permission_is_named(tmp_path, monkeypatch):
+    """Refused by the system itself, or in its place: a superuser may write anywhere."""
+    if os.name == "nt" or os.geteuid() == 0:
+
+        def refuse(*arguments, **options):
+            raise PermissionError(13, "Permission denied")
+
+        monkeypatch.setattr("tidemesh.io.files.open", refuse, raising=False)
     tmp_path.chmod(0o500)
     with pytest.raises(InputError, match=r"cannot be written \(Permission denied\)"):
         enter(tmp_path / "out.nc")

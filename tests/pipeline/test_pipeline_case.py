@@ -37,8 +37,10 @@ def test_line_is_named(island):
 
 
 def test_missing_section_is_named(island):
-    island.write_text(island.read_text().replace("[base_grid]\nspacing_m", "[x]\ny"))
-    with pytest.raises(InputError, match=r"unknown key|base_grid"):
+    text = island.read_text()
+    assert "[base_grid]\nspacing_m = 2000.0\n" in text
+    island.write_text(text.replace("[base_grid]\nspacing_m = 2000.0\n", ""))
+    with pytest.raises(InputError, match=r"base_grid: required key is missing"):
         read_case(island)
 
 

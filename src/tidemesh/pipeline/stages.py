@@ -205,15 +205,7 @@ def measure_error(context: Context) -> dict[str, Any]:
         "median_error_m_s2": float(np.median(error[:, known])) if known.any() else None,
         "spacing_m": _range(spacing),
     }
-    fields = [
-        Field(
-            f"truncation_error_{name}",
-            error[c],
-            "m s-2",
-            f"{name} truncation error at the base spacing",
-        )
-        for c, name in enumerate(tide.names)
-    ]
+    fields = error_fields(tide, error, "the base spacing")
     fields += [
         Field(
             f"curvature_{name}",
@@ -230,6 +222,19 @@ def measure_error(context: Context) -> dict[str, Any]:
         "error": error,
         "interpolation_error": interpolation_error(curvature, spacing),
     }
+
+
+def error_fields(tide: TideSolution, error: np.ndarray, where: str) -> list[Field]:
+    """Truncation error (n_c, n_points) of every constituent, as fields to write."""
+    return [
+        Field(
+            f"truncation_error_{name}",
+            error[c],
+            "m s-2",
+            f"{name} truncation error at {where}",
+        )
+        for c, name in enumerate(tide.names)
+    ]
 
 
 def interpolation_error(curvature: np.ndarray, spacing: np.ndarray) -> np.ndarray:
@@ -423,15 +428,9 @@ def check_mesh_tide(context: Context) -> dict[str, Any]:
     if "forcing.gauges" in context.files:
         table = read_tide_table(context.files["forcing.gauges"])
         context.report["gauges"] = compare_with_gauges(mesh, tide, table)
-    fields = tide_fields(mesh, tide) + [
-        Field(
-            f"truncation_error_{name}",
-            error[c],
-            "m s-2",
-            f"{name} truncation error at the mesh's spacing",
-        )
-        for c, name in enumerate(tide.names)
-    ]
+    fields = tide_fields(mesh, tide) + error_fields(
+        tide, error, "the spacing of the mesh"
+    )
     write_ugrid(context.path("mesh_tide.nc"), mesh, fields, title=context.case.title)
     return {
         "tide": tide,

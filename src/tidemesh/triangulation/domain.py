@@ -8,6 +8,7 @@ import numpy as np
 
 from tidemesh.datatypes import OCEAN, BoundaryString, Domain
 from tidemesh.errors import MeshError
+from tidemesh.geometry.polygons import ring_area
 from tidemesh.triangulation import topology
 from tidemesh.triangulation.delaunay import constrained_delaunay
 
@@ -152,7 +153,7 @@ def boundary_strings_from_mesh(
     strings: list[BoundaryString] = []
     for ring in topology.boundary_rings(triangles):
         key = ring * n_points + np.roll(ring, -1)
-        outer = topology.ring_area(points, ring) > 0.0
+        outer = ring_area(points[ring]) > 0.0
         strings += _strings_of_ring(ring, np.isin(key, open_key), is_outer=outer)
     return _in_order(strings)
 

@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import connected_components as _graph_components
 
 from tidemesh.datatypes import BoundaryString
 from tidemesh.errors import MeshError
+from tidemesh.geometry.polygons import ring_area
 
 PAIRED_TYPES = (4, 5, 24, 25, 64)
 """ADCIRC's boundary types whose first extra column is the node across the weir."""
@@ -109,13 +110,6 @@ def boundary_rings(triangles: np.ndarray) -> list[np.ndarray]:
         visited[walk] = True
         rings.append(directed[walk, 0])
     return rings
-
-
-def ring_area(points: np.ndarray, ring: np.ndarray) -> float:
-    """Signed area (m2) of a ring of nodes, positive counter-clockwise."""
-    corner = points[ring] - points[ring[0]]
-    ahead = np.roll(corner, -1, axis=0)
-    return 0.5 * float(np.sum(corner[:, 0] * ahead[:, 1] - corner[:, 1] * ahead[:, 0]))
 
 
 def node_to_nodes(
@@ -323,8 +317,8 @@ def _overlap_problems(
     not, so the boundary is compared as a polygon: its rings may not cross.
     """
     rings = boundary_rings(triangles)
-    outer = [ring for ring in rings if ring_area(points, ring) > 0.0]
-    holes = [ring for ring in rings if ring_area(points, ring) <= 0.0]
+    outer = [ring for ring in rings if ring_area(points[ring]) > 0.0]
+    holes = [ring for ring in rings if ring_area(points[ring]) <= 0.0]
     covered, missing = (
         shapely.union_all(
             [shapely.make_valid(shapely.Polygon(points[ring])) for ring in part]
