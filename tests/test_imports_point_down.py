@@ -20,6 +20,7 @@ ROWS = (
         "sizing",
         "hierarchy",
         "improve",
+        "verification",
         "plots",
     ),
     ("pipeline",),

@@ -4,7 +4,7 @@ from tidemesh.datatypes.domain import LAND, OCEAN, Domain, LedgerEntry, Ring
 from tidemesh.datatypes.mesh import BoundaryString, CoastalMesh
 from tidemesh.datatypes.raster import Raster, Soundings
 from tidemesh.datatypes.size_field import SizeField
-from tidemesh.datatypes.tide import TideForcing, TideSolution, TideTable
+from tidemesh.datatypes.tide import TideForcing, TideRecord, TideSolution, TideTable
 from tidemesh.datatypes.truncation import TruncationSeries
 
 __all__ = [
@@ -19,6 +19,7 @@ __all__ = [
     "SizeField",
     "Soundings",
     "TideForcing",
+    "TideRecord",
     "TideSolution",
     "TideTable",
     "TruncationSeries",

@@ -10,6 +10,15 @@ from tidemesh.errors import InputError
 from tidemesh.tides.frequency_domain.elements import Elements
 
 
+def elements_for(mesh: CoastalMesh, metric: str) -> Elements:
+    """Elements of a mesh by the name of the metric (`TideSettings.metric`)."""
+    if metric == "sphere":
+        return elements_on_sphere(mesh)
+    if metric == "plane":
+        return Elements.of(mesh)
+    raise NotImplementedError(metric)
+
+
 def elements_on_sphere(mesh: CoastalMesh) -> Elements:
     """Elements with derivatives and areas corrected by the scale of the map.
 

@@ -21,7 +21,7 @@ from tidemesh.datatypes import CoastalMesh
 from tidemesh.errors import EngineError, InputError, MeshError
 from tidemesh.tides.frequency_domain.direct import Factorisation
 from tidemesh.tides.frequency_domain.elements import MASS, Elements
-from tidemesh.tides.frequency_domain.metric import elements_on_sphere
+from tidemesh.tides.frequency_domain.metric import elements_for
 from tidemesh.tides.frequency_domain.ordering import nested_dissection
 from tidemesh.tides.settings import TideSettings
 
@@ -83,8 +83,7 @@ class WaveEquation:
         self.open_nodes = _checked_open_nodes(mesh, open_nodes)
         _check_mesh(mesh)
         if elements is None:
-            sphere = settings.metric == "sphere"
-            elements = elements_on_sphere(mesh) if sphere else Elements.of(mesh)
+            elements = elements_for(mesh, settings.metric)
         self.elements = elements
         self.depth = elements.mean(mesh.depth)
         _check_depth(mesh, self.depth)

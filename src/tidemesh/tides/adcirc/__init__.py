@@ -1,0 +1,1 @@
+"""ADCIRC as a tide engine."""

@@ -1,0 +1,1 @@
+"""Nonlinear tides in the time domain (paper, section 4)."""

@@ -1,0 +1,1 @@
+"""Modelled against observed tides (paper, section 4)."""
