@@ -33,6 +33,13 @@ class Elements:
         Length on the map over true length, along x and y; None where the map is
         trusted.
     n_points : int
+    position : (2 or 3, n_points) float array
+        Nodes on the map, or in space (m).
+    axes : (2, 3, n_points) float array or None
+        Where nodes lie in space: the directions of x and y at each of them.
+    turn : (2, 3, n_triangles) float array or None
+        Where the axes differ from place to place: cosine and sine of the angle from
+        the x axis of a triangle to that of each corner; None for common axes.
     """
 
     corners: np.ndarray
@@ -40,6 +47,9 @@ class Elements:
     gradient: np.ndarray
     scale: np.ndarray | None
     n_points: int
+    position: np.ndarray
+    axes: np.ndarray | None = None
+    turn: np.ndarray | None = None
 
     @classmethod
     def of(
@@ -85,7 +95,8 @@ class Elements:
                 gradient[component] *= scale[component][mesh.triangles].mean(axis=1)
         if area_scale is not None:
             area /= area_scale[mesh.triangles].mean(axis=1)
-        return cls(corners, area, gradient, scale, len(mesh.points))
+        position = np.ascontiguousarray(mesh.points.T)
+        return cls(corners, area, gradient, scale, len(mesh.points), position)
 
     def mean(self, nodal: np.ndarray) -> np.ndarray:
         """(n_points,) -> (n_triangles,) mean of the three corners."""
@@ -93,7 +104,10 @@ class Elements:
         return (nodal[a] + nodal[b] + nodal[c]) / 3.0
 
     def gradient_of(self, nodal: np.ndarray) -> np.ndarray:
-        """(n_points,) -> (2, n_triangles) gradient of a piecewise linear field."""
+        """(n_points,) -> (2, n_triangles) gradient of a piecewise linear field.
+
+        Along the axes of the triangles.
+        """
         values = nodal[self.corners]
         return (self.gradient * values).sum(axis=1)
 
@@ -111,3 +125,43 @@ class Elements:
         share = np.broadcast_to(self.area, self.corners.shape)
         weighted = np.broadcast_to(self.area * element_values, self.corners.shape)
         return self.scatter(weighted) / self.scatter(share)
+
+    def to_corners(self, vectors: np.ndarray) -> np.ndarray:
+        """(2, n_triangles) -> (2, 3, n_triangles) vectors, along the nodes' axes."""
+        x, y = vectors[:, None, :]
+        if self.turn is None:
+            return np.broadcast_to(vectors[:, None, :], (2, *self.corners.shape))
+        cosine, sine = self.turn
+        return np.stack([cosine * x + sine * y, cosine * y - sine * x])
+
+    def from_corners(self, nodal: np.ndarray) -> np.ndarray:
+        """(2, n_points) -> (2, 3, n_triangles) vectors, along the triangles' axes."""
+        vectors = nodal[:, self.corners]
+        if self.turn is None:
+            return vectors
+        (x, y), (cosine, sine) = vectors, self.turn
+        return np.stack([cosine * x - sine * y, cosine * y + sine * x])
+
+    def nodal_vector(self, vectors: np.ndarray) -> np.ndarray:
+        """(2, n_triangles) -> (2, n_points) mean vector around a node, by area."""
+        if self.turn is None:
+            return np.stack([self.nodal_mean(part) for part in vectors])
+        weight = self.scatter(np.broadcast_to(self.area, self.corners.shape))
+        turned = self.area * self.to_corners(vectors)
+        return np.stack([self.scatter(part) for part in turned]) / weight
+
+    def mean_vector(self, nodal: np.ndarray) -> np.ndarray:
+        """(2, n_points) -> (2, n_triangles) mean of the vectors at the corners."""
+        if self.turn is None:
+            return np.stack([self.mean(part) for part in nodal])
+        return self.from_corners(nodal).mean(axis=1)
+
+    def chord(self, at: np.ndarray, to: np.ndarray) -> np.ndarray:
+        """(2, k) way (m) from nodes ``at`` to nodes ``to``, along the axes of ``at``.
+
+        True lengths, for nodes near each other.
+        """
+        way = self.position[:, to] - self.position[:, at]
+        if self.axes is not None:
+            return np.einsum("ick,ck->ik", self.axes[:, :, at], way)
+        return way if self.scale is None else way / self.scale[:, at]

@@ -47,16 +47,27 @@ def nodal_velocity(
         gradient = projected_gradient(elements, elevation)
     else:
         gradient = recovered_gradient(equation.mesh, elements, elevation)
+    (xx, xy), (yx, yy) = nodal_response(equation, symbols)
+    gx, gy = gradient
+    return np.stack([xx * gx + xy * gy, yx * gx + yy * gy], axis=-1)
+
+
+def nodal_response(equation: WaveEquation, symbols: Symbols) -> np.ndarray:
+    """(2, 2, n_points) velocity at the nodes per unit of elevation gradient (m/s).
+
+    First index the component of the velocity, second that of the gradient; the rule at
+    land nodes is in.
+    """
     q = equation.nodal_q(symbols)
-    g, f = settings.gravity, equation.coriolis
+    g, f = equation.settings.gravity, equation.coriolis
     if f is None:
-        velocity = -g * gradient / q
+        direct, turned = -g / q, np.zeros_like(q)
     else:
-        gx, gy = gradient
-        velocity = -g * np.stack([q * gx + f * gy, q * gy - f * gx]) / (q * q + f * f)
-    if settings.land_rule == "adcirc":
-        _along_land(equation, velocity, -g * gradient / q)
-    return np.ascontiguousarray(velocity.T)
+        direct, turned = -g * q / (q * q + f * f), -g * f / (q * q + f * f)
+    response = np.array([[direct, turned], [-turned, direct]])
+    if equation.settings.land_rule == "adcirc":
+        _along_land(equation, response, -g / q)
+    return response
 
 
 def element_velocity(
@@ -74,7 +85,7 @@ def element_velocity(
 
 def lumped_gradient(elements: Elements, nodal: np.ndarray) -> np.ndarray:
     """(2, n_points) mean of the gradients around a node, weighted by area."""
-    return np.stack([elements.nodal_mean(part) for part in elements.gradient_of(nodal)])
+    return elements.nodal_vector(elements.gradient_of(nodal))
 
 
 def projected_gradient(
@@ -98,8 +109,8 @@ def projected_gradient(
     half = sparse.csr_array((np.tile(off * area, 3), sides), (elements.n_points,) * 2)
     mass = (half + half.T + sparse.diags_array(diagonal)).tocsr()
 
-    gradient = elements.gradient_of(nodal)
-    load = np.stack([elements.scatter(np.tile(area / 3.0 * d, 3)) for d in gradient])
+    gradient = elements.to_corners(elements.gradient_of(nodal))
+    load = np.stack([elements.scatter(area / 3.0 * part) for part in gradient])
     rhs = np.concatenate([load.real, load.imag]).T
     inverse = 1.0 / diagonal[:, None]
     solution = inverse * rhs
@@ -142,21 +153,19 @@ def recovered_gradient(
     for first in range(0, n, _FIT_CHUNK):
         rings = (near[first : first + _FIT_CHUNK] @ near).tocsr()
         rows = slice(first, first + rings.shape[0])
-        fitted, good = _fit_quadratic(mesh.points, nodal, rings, first)
-        if elements.scale is not None:
-            fitted *= elements.scale[:, rows]
+        fitted, good = _fit_quadratic(elements, nodal, rings, first)
         gradient[:, rows] = np.where(good, fitted, gradient[:, rows])
     return gradient
 
 
 def _fit_quadratic(
-    points: np.ndarray, nodal: np.ndarray, rings: sparse.csr_array, first: int
+    elements: Elements, nodal: np.ndarray, rings: sparse.csr_array, first: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Gradients (2, k) of quadratic fits about k nodes, and where they are sound."""
     starts, others = rings.indptr[:-1], rings.indices
     count = np.diff(rings.indptr)
     own = np.repeat(np.arange(first, first + len(count)), count)
-    offset = points[others] - points[own]
+    offset = elements.chord(own, others).T
     reach = np.sqrt(np.maximum.reduceat((offset**2).sum(axis=1), starts))
     x, y = (offset / np.repeat(reach, count)[:, None]).T
     # The value at the node itself is part of the fit, not forced.
@@ -175,37 +184,33 @@ def _fit_quadratic(
 
 
 def _along_land(
-    equation: WaveEquation, velocity: np.ndarray, unturned: np.ndarray
+    equation: WaveEquation, response: np.ndarray, unturned: np.ndarray
 ) -> None:
-    """Apply ADCIRC's rule at land nodes, in place.
+    """Apply ADCIRC's rule at land nodes to the response, in place.
 
     The momentum equation along the shore is kept, the velocity across it set to zero;
-    so the rotation drops out and `unturned` = -g grad(e)/q is what is projected. The
-    shore's direction at a node joins its two neighbours on the boundary string, itself
+    so the rotation drops out and `unturned` = -g/q is what is left along the shore,
+    whose direction at a node joins its two neighbours on the boundary string, itself
     standing in for the missing one at an end.
     """
-    mesh, scale = equation.mesh, equation.elements.scale
+    chord = equation.elements.chord
     least = np.cos(np.radians(equation.settings.minimum_inner_angle_deg))
-    for string in mesh.boundaries:
+    for string in equation.mesh.boundaries:
         nodes = string.nodes
         if string.kind == "open" or len(nodes) < 2:
             continue
         if string.ibtype in NO_SLIP:
-            velocity[:, nodes] = 0.0
+            response[:, :, nodes] = 0.0
         if string.ibtype not in SLIP:
             continue
         before, after = np.roll(nodes, 1), np.roll(nodes, -1)
         if not string.closed:
             before[0], after[-1] = nodes[0], nodes[-1]
-        along = (mesh.points[after] - mesh.points[before]).T
-        if scale is not None:
-            along = along / scale[:, nodes]
+        back, ahead = chord(nodes, before), chord(nodes, after)
+        along = ahead - back
         tangent = along / np.hypot(*along)
-        speed = (tangent * unturned[:, nodes]).sum(axis=0)
-        velocity[:, nodes] = tangent * speed
+        response[:, :, nodes] = tangent[:, None] * tangent * unturned[nodes]
 
-        back = (mesh.points[before] - mesh.points[nodes]).T
-        ahead = (mesh.points[after] - mesh.points[nodes]).T
         convex = ahead[0] * back[1] - ahead[1] * back[0] > 0.0
         sharp = (ahead * back).sum(axis=0) > least * np.hypot(*ahead) * np.hypot(*back)
-        velocity[:, nodes[convex & sharp]] = 0.0
+        response[:, :, nodes[convex & sharp]] = 0.0
