@@ -44,6 +44,8 @@ def test_vectors_of_any_number_of_constituents_keep_their_length():
     np.testing.assert_allclose(
         (np.abs(turned) ** 2).sum(axis=-1), (np.abs(vectors) ** 2).sum(axis=-1)
     )
+    back = projection.from_east_north(points, turned)
+    np.testing.assert_allclose(back, vectors, rtol=1e-12)
 
 
 def test_bare_plane_and_equirectangular_map_leave_vectors_alone():

@@ -52,6 +52,18 @@ def test_everything_comes_back(tmp_path, projection):
             assert np.array_equal(have.values, field.values, equal_nan=True)
 
 
+def test_further_attributes_come_back(tmp_path):
+    mesh = small_mesh(STEREOGRAPHIC)
+    tide = np.full(len(mesh.points), 1.0 - 0.5j)
+    speed = {"angular_frequency": 1.405189e-4}
+    field = Field("eta", tide, "m", "elevation", attributes=speed)
+    plain = Field("level", tide.real, "1", "level", attributes={"comment": "none"})
+    write_ugrid(tmp_path / "a.nc", mesh, [field, plain])
+    _, found = read_ugrid(tmp_path / "a.nc")
+    assert found["eta"].attributes == speed
+    assert found["level"].attributes == {"comment": "none"}
+
+
 def test_complex_fields_are_amplitude_and_greenwich_lag(tmp_path):
     mesh = small_mesh(STEREOGRAPHIC)
     lag = np.linspace(0.0, 359.0, 25)

@@ -4,13 +4,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from triangulation_meshes import bay, circle, mesh, polygon
 
-from tidemesh.datatypes import LAND, OCEAN, Domain, Ring
+from tidemesh.datatypes import LAND, OCEAN, CoastalMesh, Domain, Ring
 from tidemesh.errors import MeshError
 from tidemesh.geometry.projection import Projection
 from tidemesh.triangulation import quality, topology
 from tidemesh.triangulation.domain import (
     boundary_strings,
     boundary_strings_from_mesh,
+    domain_from_mesh,
     ring_points,
     ring_segments,
     triangulate,
@@ -107,6 +108,37 @@ def test_strings_from_the_mesh_equal_those_from_the_domain(kinds):
     mask = np.isin(np.arange(len(points)), [] if nodes is None else nodes)
     same = boundary_strings_from_mesh(points, triangles, mask)
     assert as_segments(same) == as_segments(wanted)
+
+
+def rings_of(domain):
+    """Kind of every directed segment, by its end points."""
+    return {
+        (tuple(a), tuple(b)): int(kind)
+        for ring in domain.rings
+        for a, b, kind in zip(
+            ring.points.tolist(),
+            np.roll(ring.points, -1, axis=0).tolist(),
+            ring.segment_kind,
+        )
+    }
+
+
+def test_the_domain_of_a_mesh_is_the_one_it_was_made_from():
+    domain, points, triangles = mesh(3, islands=2)
+    made = CoastalMesh(
+        points, triangles, np.ones(len(points)), boundary_strings(domain)
+    )
+    again = domain_from_mesh(made)
+    assert len(again.rings) == len(domain.rings) == 3
+    assert rings_of(again) == rings_of(domain)
+    assert set(rings_of(domain).values()) == {LAND, OCEAN}
+
+
+def test_a_mesh_of_two_parts_bounds_no_one_body_of_water():
+    points = np.array([[0, 0], [1, 0], [0, 1], [5, 5], [6, 5], [5, 6]], dtype=float)
+    parts = CoastalMesh(points, [[0, 1, 2], [3, 4, 5]], np.ones(6))
+    with pytest.raises(MeshError, match="2 separate parts"):
+        domain_from_mesh(parts)
 
 
 def test_open_edges_tell_a_single_land_edge_between_two_open_strings():

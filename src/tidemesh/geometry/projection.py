@@ -111,12 +111,22 @@ class Projection:
         -------
         turned : (..., n, 2) array
         """
+        return self._turned(points, vectors, 1.0)
+
+    def from_east_north(self, points: ArrayLike, vectors: ArrayLike) -> np.ndarray:
+        """Components towards east and north to components along x and y.
+
+        The inverse of `east_north`, with the same arguments.
+        """
+        return self._turned(points, vectors, -1.0)
+
+    def _turned(self, points: ArrayLike, vectors: ArrayLike, way: float) -> np.ndarray:
         xy = np.asarray(vectors)
         if not self.crs:
             return xy.copy()
         longitude, latitude = self.inverse(points).T
         factors = pyproj.Proj(self.crs).get_factors(longitude, latitude)
-        turn = np.radians(factors.meridian_convergence)
+        turn = way * np.radians(factors.meridian_convergence)
         cos, sin = np.cos(turn), np.sin(turn)
         x, y = xy[..., 0], xy[..., 1]
         return np.stack([cos * x + sin * y, cos * y - sin * x], axis=-1)

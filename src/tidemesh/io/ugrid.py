@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -22,6 +22,20 @@ LONGITUDE, LATITUDE = "mesh2d_node_lon", "mesh2d_node_lat"
 X, Y = "mesh2d_node_x", "mesh2d_node_y"
 FACE_NODES = "mesh2d_face_nodes"
 STRING_KINDS = ("open", "mainland", "island")
+_OWN_ATTRIBUTES = {
+    "_FillValue",
+    "mesh",
+    "location",
+    "grid_mapping",
+    "coordinates",
+    "standard_name",
+    "long_name",
+    "units",
+    "flag_values",
+    "flag_meanings",
+    "phase_variable",
+    "amplitude_variable",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +53,8 @@ class Field:
     """From the CF table, or empty."""
     location: Literal["", "node", "face"] = ""
     """Empty: by the length of the values, nodes first."""
+    attributes: Mapping[str, float | str] = field(default_factory=dict)
+    """Further attributes of the variable (of the amplitude of a complex one)."""
 
 
 def write_ugrid(
@@ -381,6 +397,7 @@ def _write_field(
             long_name=field.long_name,
             units=field.units,
             **common,
+            **field.attributes,
         )
         return
     amplitude, phase = f"{field.name}_amplitude", f"{field.name}_phase"
@@ -395,6 +412,7 @@ def _write_field(
         units=field.units,
         phase_variable=phase,
         **common,
+        **field.attributes,
     )
     _variable(
         file,
@@ -534,7 +552,14 @@ def _read_fields(file: netCDF4.Dataset, mesh: str, skip: str) -> dict[str, Field
         elif _attribute(variable, "flag_meanings") == "false true":
             values = values.astype(bool)
         units = str(_attribute(variable, "units"))
-        fields[name] = Field(name, values, units, long_name, standard_name, location)
+        more = {
+            key: variable.getncattr(key)
+            for key in variable.ncattrs()
+            if key not in _OWN_ATTRIBUTES
+        }
+        fields[name] = Field(
+            name, values, units, long_name, standard_name, location, more
+        )
     return fields
 
 

@@ -6,9 +6,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from tidemesh.datatypes import OCEAN, BoundaryString, Domain
+from tidemesh.datatypes import LAND, OCEAN, BoundaryString, CoastalMesh, Domain, Ring
 from tidemesh.errors import MeshError
 from tidemesh.geometry.polygons import ring_area
+from tidemesh.geometry.projection import Projection
 from tidemesh.triangulation import topology
 from tidemesh.triangulation.delaunay import constrained_delaunay
 
@@ -158,6 +159,54 @@ def boundary_strings_from_mesh(
     return _in_order(strings)
 
 
+def domain_from_mesh(mesh: CoastalMesh) -> Domain:
+    """The water body that a mesh covers, its open strings as ocean.
+
+    Returns
+    -------
+    domain : Domain
+        The outer ring first, then the islands; ring points are mesh nodes.
+
+    Raises
+    ------
+    MeshError
+        If the mesh has several parts, or its boundary touches itself at a node.
+    """
+    rings = topology.boundary_rings(mesh.triangles)
+    area = np.array([ring_area(mesh.points[ring]) for ring in rings])
+    if (area > 0.0).sum() != 1:
+        raise MeshError(
+            f"the mesh has {int((area > 0.0).sum())} separate parts; only a connected "
+            "mesh bounds one body of water"
+        )
+    nodes, count = np.unique(np.concatenate(rings), return_counts=True)
+    if (count > 1).any():
+        where = _at(mesh.projection, mesh.points[nodes[count > 1][0]])
+        raise MeshError(
+            f"the boundary of the mesh touches itself at {int((count > 1).sum())} "
+            f"nodes, the first at {where}: `tidemesh info` lists such faults"
+        )
+    n_points = len(mesh.points)
+    open_keys = [
+        _edge_keys(np.append(s.nodes, s.nodes[:1] if s.closed else []), n_points)
+        for s in mesh.boundaries
+        if s.kind == "open"
+    ]
+    is_open = np.concatenate(open_keys) if open_keys else np.empty(0, dtype=np.int64)
+    made = []
+    for k in np.argsort(-area, kind="stable"):
+        ring = rings[k]
+        ocean = np.isin(_edge_keys(np.append(ring, ring[0]), n_points), is_open)
+        made.append(Ring(mesh.points[ring], np.where(ocean, OCEAN, LAND)))
+    return Domain(tuple(made), mesh.projection)
+
+
+def _edge_keys(run: np.ndarray, n_points: int) -> np.ndarray:
+    """One number for each edge of a run of nodes, whichever way it goes."""
+    ends = np.sort(np.stack([run[:-1], run[1:]]).astype(np.int64), axis=0)
+    return ends[0] * n_points + ends[1]
+
+
 def segment_kinds(domain: Domain) -> np.ndarray:
     """Kinds of `ring_segments`: (n_ring_points,) int8, `LAND` or `OCEAN`."""
     return np.concatenate([ring.segment_kind for ring in domain.rings])
@@ -199,7 +248,11 @@ def _lost_segments(segments: np.ndarray, edges: np.ndarray) -> np.ndarray:
 
 
 def _place(domain: Domain, point: np.ndarray) -> str:
-    if not domain.projection.crs:
+    return _at(domain.projection, point)
+
+
+def _at(projection: Projection, point: np.ndarray) -> str:
+    if not projection.crs:
         return f"x {point[0]:.3f} m, y {point[1]:.3f} m"
-    longitude, latitude = domain.projection.inverse(point)
+    longitude, latitude = projection.inverse(point)
     return f"longitude {longitude:.5f}, latitude {latitude:.5f}"
