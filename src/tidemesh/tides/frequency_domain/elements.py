@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -40,6 +41,8 @@ class Elements:
     turn : (2, 3, n_triangles) float array or None
         Where the axes differ from place to place: cosine and sine of the angle from
         the x axis of a triangle to that of each corner; None for common axes.
+    share : (n_triangles,) float array or None
+        Weight of the triangles in the means at nodes; None for their areas.
     """
 
     corners: np.ndarray
@@ -50,6 +53,7 @@ class Elements:
     position: np.ndarray
     axes: np.ndarray | None = None
     turn: np.ndarray | None = None
+    share: np.ndarray | None = None
 
     @classmethod
     def of(
@@ -122,9 +126,18 @@ class Elements:
 
     def nodal_mean(self, element_values: np.ndarray) -> np.ndarray:
         """(n_triangles,) -> (n_points,) mean over the triangles of a node, by area."""
-        share = np.broadcast_to(self.area, self.corners.shape)
-        weighted = np.broadcast_to(self.area * element_values, self.corners.shape)
-        return self.scatter(weighted) / self.scatter(share)
+        weighted = np.broadcast_to(self.weight * element_values, self.corners.shape)
+        return self.scatter(weighted) / self.around
+
+    @property
+    def weight(self) -> np.ndarray:
+        """(n_triangles,) weight of the triangles in the means at nodes."""
+        return self.area if self.share is None else self.share
+
+    @cached_property
+    def around(self) -> np.ndarray:
+        """(n_points,) sum of the weights of the triangles of a node."""
+        return self.scatter(np.broadcast_to(self.weight, self.corners.shape))
 
     def to_corners(self, vectors: np.ndarray) -> np.ndarray:
         """(2, n_triangles) -> (2, 3, n_triangles) vectors, along the nodes' axes."""
@@ -144,11 +157,8 @@ class Elements:
 
     def nodal_vector(self, vectors: np.ndarray) -> np.ndarray:
         """(2, n_triangles) -> (2, n_points) mean vector around a node, by area."""
-        if self.turn is None:
-            return np.stack([self.nodal_mean(part) for part in vectors])
-        weight = self.scatter(np.broadcast_to(self.area, self.corners.shape))
-        turned = self.area * self.to_corners(vectors)
-        return np.stack([self.scatter(part) for part in turned]) / weight
+        turned = self.weight * self.to_corners(vectors)
+        return np.stack([self.scatter(part) for part in turned]) / self.around
 
     def mean_vector(self, nodal: np.ndarray) -> np.ndarray:
         """(2, n_points) -> (2, n_triangles) mean of the vectors at the corners."""

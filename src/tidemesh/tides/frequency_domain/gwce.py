@@ -292,16 +292,13 @@ class GwceEquation(WaveEquation):
         """From the elevation to x and y components of the nodal fluxes."""
         elements = self.elements
         n, place = elements.n_points, self._place
-        around = elements.scatter(
-            np.broadcast_to(elements.area, elements.corners.shape)
-        )
         slopes = []
         turned = [elements.to_corners(elements.gradient[:, k]) for k in range(3)]
         for component in range(2):
             entries = np.stack([part[component] for part in turned], axis=1)
-            slopes.append(self._matrix(elements.area * entries))
+            slopes.append(self._matrix(elements.weight * entries))
         response = np.empty((2, 2, n), dtype=np.complex128)
-        depth = self.mesh.depth / around
+        depth = self.mesh.depth / elements.around
         response[:, :, place] = depth * self._checked_response(symbols)
         return tuple(_scaled_sum(response[component], slopes) for component in range(2))
 

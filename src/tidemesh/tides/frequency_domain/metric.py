@@ -1,22 +1,60 @@
-"""True lengths and areas on a map."""
+"""True lengths, areas and directions: on a map, on ADCIRC's, on the globe."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pyproj
 
 from tidemesh.datatypes import CoastalMesh
-from tidemesh.errors import InputError
+from tidemesh.errors import InputError, MeshError
+from tidemesh.geometry.projection import Projection
 from tidemesh.tides.frequency_domain.elements import Elements
+
+_CYLINDRICAL = ("Mercator", "Lambert Cylindrical", "Miller", "Gall")
+"""Beginnings of the names of the maps of ADCIRC's ICS = 20 and 22 to 24."""
 
 
 def elements_for(mesh: CoastalMesh, metric: str) -> Elements:
-    """Elements of a mesh by the name of the metric (`TideSettings.metric`)."""
-    if metric == "sphere":
-        return elements_on_sphere(mesh)
+    """Elements of a mesh by the name of the metric (`TideSettings.metric`).
+
+    ``"adcirc"`` is ADCIRC's ICS = 2 about the reference latitude of the mesh's own
+    equirectangular map; on another cylindrical map (Mercator ...) ICS = 20 to 24; on
+    any other map, and on an equirectangular one of another sphere, ICS = 2 about the
+    middle of the mesh.
+
+    Raises
+    ------
+    InputError
+        If the metric needs a map projection and the mesh lies on the bare plane.
+    MeshError
+        If a triangle is not counter-clockwise.
+    """
     if metric == "plane":
         return Elements.of(mesh)
-    raise NotImplementedError(metric)
+    if not mesh.projection.crs:
+        raise InputError(
+            f'metric = "{metric}" needs a mesh with a map projection; this one lies '
+            'on the bare plane: use metric = "plane"'
+        )
+    if metric == "sphere":
+        return elements_on_sphere(mesh)
+    if metric == "geographic":
+        return elements_geographic(mesh)
+    if metric != "adcirc":
+        raise ValueError(
+            'metric must be "plane", "sphere", "geographic" or "adcirc", got '
+            f'"{metric}"'
+        )
+    operation = pyproj.CRS.from_user_input(mesh.projection.crs).coordinate_operation
+    if operation.method_name.startswith(_CYLINDRICAL):
+        return _adcirc_corrected_elements(mesh)
+    if operation.method_name.startswith("Equidistant Cylindrical"):
+        for parameter in operation.params:
+            if parameter.name == "Latitude of 1st standard parallel":
+                return adcirc_elements(mesh, parameter.value)
+    return _adcirc_elements_of_other_map(mesh)
 
 
 def elements_on_sphere(mesh: CoastalMesh) -> Elements:
@@ -45,6 +83,70 @@ def elements_on_sphere(mesh: CoastalMesh) -> Elements:
     )
 
 
+def elements_geographic(mesh: CoastalMesh) -> Elements:
+    """Elements measured in space, between the places of the corners on the globe.
+
+    Longitudes and latitudes of the nodes are put on the ellipsoid (or sphere) of the
+    mesh's map; triangles are the flat ones between them. So neither the date line nor
+    a pole is a special place, and a mesh may cover the globe. Vectors at the nodes are
+    along the x and y axis of the map (east and north on a cylindrical map); they are
+    carried to the plane of a triangle by the smallest rotation of one plane into the
+    other.
+
+    Raises
+    ------
+    InputError
+        If the mesh has no map projection.
+    MeshError
+        If a triangle is clockwise as seen from above.
+    """
+    if not mesh.projection.crs:
+        raise InputError(
+            'metric = "geographic" needs a mesh with a map projection, to know '
+            "longitudes and latitudes; this one lies on the bare plane"
+        )
+    position, axes, up = _on_ellipsoid(mesh)
+    corners = np.ascontiguousarray(mesh.triangles.T)
+    place = position[:, corners]  # (3 in space, 3 corners, n_triangles)
+    side = np.roll(place, 1, axis=1) - np.roll(place, -1, axis=1)  # opposite to each
+    normal = np.cross(side[:, 0], side[:, 1], axis=0)
+    upward = (normal * up[:, corners].sum(axis=1)).sum(axis=0)
+    if not (upward > 0.0).all():
+        bad = int(np.flatnonzero(~(upward > 0.0))[0])
+        longitude, latitude = mesh.projection.inverse(
+            mesh.points[mesh.triangles[bad, 0]]
+        )
+        raise MeshError(
+            f"triangle {bad} (nodes {mesh.triangles[bad].tolist()}) at "
+            f"({longitude:.5f}, {latitude:.5f}) is not counter-clockwise on the globe"
+        )
+    doubled = np.sqrt((normal**2).sum(axis=0))
+    normal /= doubled
+
+    x_axis = _carried(axes[0][:, corners[0]], up[:, corners[0]], normal)
+    y_axis = np.cross(normal, x_axis, axis=0)
+    # The gradient of a basis function points across the side opposite to its corner.
+    across = np.cross(normal[:, None, :], side, axis=0) / doubled
+    gradient = np.stack(
+        [(axis[:, None] * across).sum(axis=0) for axis in (x_axis, y_axis)]
+    )
+    turn = np.empty_like(gradient)
+    for k in range(3):
+        carried = _carried(axes[0][:, corners[k]], up[:, corners[k]], normal)
+        turn[0, k] = (carried * x_axis).sum(axis=0)
+        turn[1, k] = (carried * y_axis).sum(axis=0)
+    return Elements(
+        corners=corners,
+        area=0.5 * doubled,
+        gradient=gradient,
+        scale=None,
+        n_points=len(mesh.points),
+        position=position,
+        axes=axes,
+        turn=turn,
+    )
+
+
 def adcirc_elements(mesh: CoastalMesh, reference_latitude_deg: float) -> Elements:
     """Elements of ADCIRC's spherical runs (ICS = 2).
 
@@ -55,3 +157,80 @@ def adcirc_elements(mesh: CoastalMesh, reference_latitude_deg: float) -> Element
     latitude = np.radians(mesh.projection.inverse(mesh.points)[:, 1])
     along_x = np.cos(np.radians(reference_latitude_deg)) / np.cos(latitude)
     return Elements.of(mesh, scale=np.stack([along_x, np.ones_like(along_x)]))
+
+
+def _adcirc_corrected_elements(mesh: CoastalMesh) -> Elements:
+    """Elements of ADCIRC's runs on another cylindrical map (ICS = 20, 22, 23, 24).
+
+    These solve the full spherical equations. ADCIRC's own are the direction of the
+    shore, in which only the scale along x counts, and means by the area on the map.
+    """
+    elements = elements_on_sphere(mesh)
+    along_x = elements.scale[0]
+    return replace(
+        elements,
+        scale=np.stack([along_x, np.ones_like(along_x)]),
+        share=Elements.of(mesh).area,
+    )
+
+
+def _adcirc_elements_of_other_map(mesh: CoastalMesh) -> Elements:
+    """Elements of ADCIRC's run (ICS = 2) on the longitudes and latitudes of a mesh.
+
+    ADCIRC's map is put about the middle of the mesh; vectors at the nodes stay along
+    the axes of the mesh's own map.
+    """
+    place = mesh.projection.inverse(mesh.points)
+    # Rounded as in the projection's name and in a control file.
+    longitude, latitude = np.round(0.5 * (place.min(axis=0) + place.max(axis=0)), 6)
+    projection = Projection.equirectangular(longitude, latitude)
+    mapped = replace(mesh, points=projection.forward(*place.T), projection=projection)
+    elements = adcirc_elements(mapped, latitude)
+    # East and north at a node along the axes of the mesh's map.
+    east = mesh.projection.from_east_north(
+        mesh.points, np.broadcast_to([1.0, 0.0], place.shape)
+    )
+    cosine, sine = east[:, 0], -east[:, 1]
+    axes = np.array([[cosine, sine], [-sine, cosine]])
+    turn = np.stack([cosine, sine])[:, elements.corners]
+    return replace(elements, axes=axes, turn=turn)
+
+
+def _on_ellipsoid(
+    mesh: CoastalMesh,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Nodes in space: position, axes of the map and upward normal.
+
+    Returns
+    -------
+    position : (3, n_points) array
+        m from the centre of the earth.
+    axes : (2, 3, n_points) array
+        Directions of x and y of the map.
+    up : (3, n_points) array
+    """
+    longitude, latitude = np.radians(mesh.projection.inverse(mesh.points).T)
+    ellipsoid = pyproj.CRS.from_user_input(mesh.projection.crs).ellipsoid
+    a, b = ellipsoid.semi_major_metre, ellipsoid.semi_minor_metre
+    cos_lon, sin_lon = np.cos(longitude), np.sin(longitude)
+    cos_lat, sin_lat = np.cos(latitude), np.sin(latitude)
+    up = np.stack([cos_lat * cos_lon, cos_lat * sin_lon, sin_lat])
+    east = np.stack([-sin_lon, cos_lon, np.zeros_like(longitude)])
+    north = np.stack([-sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat])
+    # Radius of curvature across the meridian.
+    across = a * a / np.sqrt((a * cos_lat) ** 2 + (b * sin_lat) ** 2)
+    position = across * up
+    position[2] *= (b / a) ** 2
+    (xx, xy), (yx, yy) = (
+        mesh.projection.east_north(
+            mesh.points, np.broadcast_to(unit, mesh.points.shape)
+        ).T
+        for unit in np.eye(2)
+    )
+    return position, np.stack([xx * east + xy * north, yx * east + yy * north]), up
+
+
+def _carried(vectors: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """(3, n) vectors turned as the normals `start` are turned into `end`."""
+    lean = (vectors * end).sum(axis=0) / (1.0 + (start * end).sum(axis=0))
+    return vectors - lean * (start + end)
