@@ -119,5 +119,5 @@ def test_missing_empty_and_broken_files(tmp_path):
         read_fort53(empty)
     broken = tmp_path / "fort.53.gz"
     broken.write_bytes(gzip.compress(ELEVATION.encode())[:60])
-    with pytest.raises(FormatError, match="cannot be read"):
+    with pytest.raises(FormatError, match="compressed file is damaged"):
         read_fort53(broken)
