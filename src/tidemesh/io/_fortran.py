@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import logging
 import math
 import re
 import zlib
@@ -15,6 +16,8 @@ import numpy as np
 
 from tidemesh.errors import FormatError, InputError
 from tidemesh.io.files import atomic
+
+logger = logging.getLogger(__name__)
 
 _REAL = re.compile(
     r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[eEdDqQ]([+-]?\d+)|([+-]\d+))?", re.ASCII
@@ -137,7 +140,8 @@ class Records:
         # Bytes that are no text are carried through.
         text = content.decode("utf-8", errors="surrogateescape")
         self._lines = text.replace("\r\n", "\n").split("\n")
-        if self._lines[-1] == "":
+        self._ended = self._lines[-1] == ""
+        if self._ended:
             self._lines.pop()
         self._next = 0
 
@@ -162,6 +166,16 @@ class Records:
         left = self._lines[self._next :]
         self._next = len(self._lines)
         return "\n".join(left)
+
+    def warn_of_open_end(self) -> None:
+        """Say that the last number may be cut off, where the last line has no end."""
+        if not self._ended:
+            logger.warning(
+                "%s: line %d: the last line has no line end; if the file was cut off, "
+                "its last number may be cut off too",
+                self.path,
+                len(self._lines),
+            )
 
     def text(self, what: str) -> str:
         """The next line, blank or not, without a comment behind an exclamation mark."""

@@ -592,6 +592,7 @@ def _read(lines: Records, mesh: CoastalMesh | None) -> ControlFile:
     dummy = ControlFile(**values | {"netcdf_header": ("",) * len(NETCDF_LINES)})
     if dummy.uses_netcdf:
         values["netcdf_header"] = _read_header(lines)
+    lines.warn_of_open_end()
     values["namelists"] = lines.rest()
     return ControlFile(**values)
 
