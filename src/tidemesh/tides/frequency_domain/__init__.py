@@ -1,9 +1,15 @@
-"""The linear tide as one sparse complex system for each frequency."""
+"""The tide as one sparse complex system for each frequency."""
 
 from tidemesh.tides.frequency_domain.direct import Factorisation
 from tidemesh.tides.frequency_domain.elements import Elements
 from tidemesh.tides.frequency_domain.energy import EnergyBalance, energy_balance
-from tidemesh.tides.frequency_domain.solve import FrequencyDomain, solve
+from tidemesh.tides.frequency_domain.harmonic_balance import IterationReport
+from tidemesh.tides.frequency_domain.solve import (
+    FrequencyDomain,
+    solve,
+    solve_with_report,
+    with_overtides,
+)
 from tidemesh.tides.frequency_domain.wave_equation import (
     FactorisedWave,
     Symbols,
@@ -16,8 +22,11 @@ __all__ = [
     "Factorisation",
     "FactorisedWave",
     "FrequencyDomain",
+    "IterationReport",
     "Symbols",
     "WaveEquation",
     "energy_balance",
     "solve",
+    "solve_with_report",
+    "with_overtides",
 ]

@@ -1,13 +1,23 @@
-"""Energy balance of a linear tide: what flows in is lost to friction."""
+"""Energy balance of a tide: what flows in and what the moon does is lost to friction.
+
+With the amplitudes of one constituent, the continuity equation times g e* and the
+momentum equation times h u* give
+
+    inflow + potential = dissipation + transfer
+
+where the transfer to other constituents is what the advection of momentum and the flux
+e u take. The sums are those of the discrete equations, so the balance holds to rounding
+on any mesh.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from tidemesh.datatypes import CoastalMesh, TideSolution
-from tidemesh.tides.frequency_domain.velocity import element_velocity
 from tidemesh.tides.frequency_domain.wave_equation import Symbols, WaveEquation
 from tidemesh.tides.settings import TideSettings
 
@@ -22,6 +32,18 @@ class EnergyBalance(NamedTuple):
     """(n_c,) W through the open boundary."""
     dissipation: np.ndarray
     """(n_c,) W lost to bottom friction."""
+    potential: np.ndarray
+    """(n_c,) W of work by the astronomical forces."""
+    transfer: np.ndarray
+    """(n_c,) W to other constituents, by advection and finite amplitude."""
+
+
+@dataclass(frozen=True, eq=False)
+class ForcedTide(TideSolution):
+    """A tide whose energy balance does not follow from its elevations alone."""
+
+    energy: EnergyBalance | None = None
+    """At the nodal factors of the forcing."""
 
 
 def energy_balance(
@@ -30,10 +52,12 @@ def energy_balance(
     open_nodes: np.ndarray,
     settings: TideSettings | None = None,
 ) -> EnergyBalance:
-    """Inflow of energy over the open boundary against friction loss.
+    """Energy that flows in, works inside, is transferred and is lost.
 
-    Both are exact for the discrete equations (friction, mass matrix and metric as in
-    the settings of the solution), so they agree to rounding whatever the mesh.
+    It is exact for the discrete equations (friction, mass matrix and metric as in the
+    settings of the solution). A tide with a potential or nonlinear terms carries the
+    balance that its solver has made; one that was read from a file is taken for a
+    linear tide with the friction that it names.
 
     Parameters
     ----------
@@ -43,19 +67,76 @@ def energy_balance(
     settings : TideSettings, optional
         Those the tide was solved with.
     """
+    if isinstance(tide, ForcedTide) and tide.energy is not None:
+        return tide.energy
+    each = tide.friction.ndim == 2
     equation = WaveEquation(
-        mesh, open_nodes, settings, friction=tide.friction, coriolis=tide.coriolis
+        mesh,
+        open_nodes,
+        settings,
+        friction=None if each else tide.friction,
+        coriolis=tide.coriolis,
     )
-    inflow, dissipation = [], []
-    for frequency, elevation in zip(tide.frequency, tide.elevation):
+    rows = []
+    for k, (frequency, elevation) in enumerate(zip(tide.frequency, tide.elevation)):
+        at = equation.with_friction(tide.friction[k]) if each else equation
         symbols = Symbols.exact(frequency)
-        flow = equation.apply(symbols, elevation)[equation.open_nodes]
-        work = (np.conj(elevation[equation.open_nodes]) * flow).sum().real
-        inflow.append(0.5 * WATER_DENSITY * tide.gravity * work)
-        speed = element_velocity(equation, elevation, symbols)
-        loss = (
-            equation.element_q(symbols).real * equation.depth * equation.elements.area
-        )
-        square = (speed.real**2 + speed.imag**2).sum(axis=0)
-        dissipation.append(0.5 * WATER_DENSITY * (loss * square).sum())
-    return EnergyBalance(np.array(inflow), np.array(dissipation))
+        flow = at.flow(symbols, at.elements.gradient_of(elevation))
+        rows.append(constituent_energy(at, symbols, elevation, flow))
+    return EnergyBalance(*np.array(rows).reshape(-1, 4).T)
+
+
+def constituent_energy(
+    equation: WaveEquation,
+    symbols: Symbols,
+    elevation: np.ndarray,
+    velocity: np.ndarray,
+    *,
+    friction: np.ndarray | None = None,
+    advection: np.ndarray | None = None,
+    flux: np.ndarray | None = None,
+    potential: np.ndarray | None = None,
+) -> tuple[float, float, float, float]:
+    """Inflow, dissipation, work of the potential and transfer (W) of one constituent.
+
+    Parameters
+    ----------
+    equation : WaveEquation
+    symbols : Symbols
+    elevation : (n_points,) complex array
+        m.
+    velocity : (2, n_triangles) complex array
+        m/s.
+    friction, advection : (2, n_triangles) complex array, optional
+        Bottom friction and advection (m/s2); linear friction if not given.
+    flux : (2, n_triangles) complex array, optional
+        Transport beside h u (m2/s).
+    potential : (n_points,) complex array, optional
+        Equilibrium tide (m).
+    """
+    elements, g = equation.elements, equation.settings.gravity
+    # A steady part works all the time, an oscillation half of it.
+    share = WATER_DENSITY * (1.0 if symbols.continuity == 0.0 else 0.5)
+    water = share * equation.depth * elements.area
+
+    def work(force: np.ndarray) -> float:
+        return float((water * (velocity.conj() * force).real.sum(axis=0)).sum())
+
+    transport = equation.depth * velocity
+    if flux is not None:
+        transport = transport + flux
+    inflow = equation.continuity(symbols, elevation, transport)[equation.open_nodes]
+    level = elevation[equation.open_nodes]
+    entering = share * g * float((level.conj() * inflow).real.sum())
+    lost = work(equation.resistance(velocity) if friction is None else friction)
+    raised = 0.0
+    if potential is not None:
+        raised = work(g * elements.gradient_of(potential))
+    transferred = 0.0
+    if advection is not None:
+        transferred += work(advection)
+    if flux is not None:
+        slope = elements.gradient_of(elevation)
+        along = (flux.conj() * slope).real.sum(axis=0)
+        transferred -= share * g * float((elements.area * along).sum())
+    return entering, lost, raised, transferred

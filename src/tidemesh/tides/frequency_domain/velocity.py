@@ -23,7 +23,10 @@ _FIT_CONDITION = 1.0e8
 
 
 def nodal_velocity(
-    equation: WaveEquation, elevation: np.ndarray, symbols: Symbols
+    equation: WaveEquation,
+    elevation: np.ndarray,
+    symbols: Symbols,
+    potential: np.ndarray | None = None,
 ) -> np.ndarray:
     """Velocity at the nodes.
 
@@ -34,53 +37,62 @@ def nodal_velocity(
     elevation : (n_points,) complex array
         m.
     symbols : Symbols
+    potential : (n_points,) complex array, optional
+        Equilibrium tide (m), taken from the elevation.
 
     Returns
     -------
     velocity : (n_points, 2) complex array
         m/s, x and y component.
     """
-    settings, elements = equation.settings, equation.elements
-    if settings.velocity == "lumped":
-        gradient = lumped_gradient(elements, elevation)
-    elif settings.velocity == "consistent":
-        gradient = projected_gradient(elements, elevation)
-    else:
-        gradient = recovered_gradient(equation.mesh, elements, elevation)
-    (xx, xy), (yx, yy) = nodal_response(equation, symbols)
-    gx, gy = gradient
-    return np.stack([xx * gx + xy * gy, yx * gx + yy * gy], axis=-1)
+    driving = elevation if potential is None else elevation - potential
+    gradient = nodal_gradient(equation, driving)
+    return np.ascontiguousarray(turn(nodal_response(equation, symbols), gradient).T)
 
 
-def nodal_response(equation: WaveEquation, symbols: Symbols) -> np.ndarray:
+def nodal_gradient(equation: WaveEquation, nodal: np.ndarray) -> np.ndarray:
+    """(2, n_points) gradient, by the projection that the settings choose."""
+    elements = equation.elements
+    if equation.settings.velocity == "lumped":
+        return lumped_gradient(elements, nodal)
+    if equation.settings.velocity == "consistent":
+        return projected_gradient(elements, nodal)
+    return recovered_gradient(equation.mesh, elements, nodal)
+
+
+def nodal_response(
+    equation: WaveEquation, symbols: Symbols, tensor: np.ndarray | None = None
+) -> np.ndarray:
     """(2, 2, n_points) velocity at the nodes per unit of elevation gradient (m/s).
 
     First index the component of the velocity, second that of the gradient; the rule at
     land nodes is in.
+
+    Parameters
+    ----------
+    equation : WaveEquation
+    symbols : Symbols
+    tensor : (3, n_points) array, optional
+        Friction as a symmetric tensor (xx, xy, yy; 1/s), in place of the equation's.
     """
-    q = equation.nodal_q(symbols)
     g, f = equation.settings.gravity, equation.coriolis
-    if f is None:
-        direct, turned = -g / q, np.zeros_like(q)
+    if tensor is None:
+        xx = yy = equation.nodal_q(symbols)
+        xy = np.zeros(len(xx))
     else:
-        direct, turned = -g * q / (q * q + f * f), -g * f / (q * q + f * f)
-    response = np.array([[direct, turned], [-turned, direct]])
+        xx, xy, yy = symbols.momentum * np.array([[1.0], [0.0], [1.0]]) + tensor
+    f = np.zeros(len(xx)) if f is None else f
+    factor = -g / (xx * yy - xy * xy + f * f)
+    response = factor * np.array([[yy, f - xy], [-f - xy, xx]])
     if equation.settings.land_rule == "adcirc":
-        _along_land(equation, response, -g / q)
+        _along_land(equation, response, (xx, xy, yy))
     return response
 
 
-def element_velocity(
-    equation: WaveEquation, elevation: np.ndarray, symbols: Symbols
-) -> np.ndarray:
-    """Velocity of every triangle: (2, n_triangles) complex array, m/s."""
-    gx, gy = equation.elements.gradient_of(elevation)
-    q = equation.element_q(symbols)
-    g = equation.settings.gravity
-    if equation.coriolis is None:
-        return -g * np.stack([gx, gy]) / q
-    f = equation.elements.mean(equation.coriolis)
-    return -g * np.stack([q * gx + f * gy, q * gy - f * gx]) / (q * q + f * f)
+def turn(matrix: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """(2, 2, n) matrices times (2, n) vectors."""
+    x, y = vectors
+    return np.stack([row[0] * x + row[1] * y for row in matrix])
 
 
 def lumped_gradient(elements: Elements, nodal: np.ndarray) -> np.ndarray:
@@ -184,14 +196,15 @@ def _fit_quadratic(
 
 
 def _along_land(
-    equation: WaveEquation, response: np.ndarray, unturned: np.ndarray
+    equation: WaveEquation, response: np.ndarray, q: tuple[np.ndarray, ...]
 ) -> None:
     """Apply ADCIRC's rule at land nodes to the response, in place.
 
     The momentum equation along the shore is kept, the velocity across it set to zero;
-    so the rotation drops out and `unturned` = -g/q is what is left along the shore,
-    whose direction at a node joins its two neighbours on the boundary string, itself
-    standing in for the missing one at an end.
+    so the rotation drops out and -g over t.q.t is what is left along the shore, with
+    the tensor `q` = i w + tau (xx, xy, yy). The direction t of the shore at a node
+    joins its two neighbours on the boundary string, itself standing in for the missing
+    one at an end.
     """
     chord = equation.elements.chord
     least = np.cos(np.radians(equation.settings.minimum_inner_angle_deg))
@@ -209,7 +222,9 @@ def _along_land(
         back, ahead = chord(nodes, before), chord(nodes, after)
         along = ahead - back
         tangent = along / np.hypot(*along)
-        response[:, :, nodes] = tangent[:, None] * tangent * unturned[nodes]
+        (x, y), (xx, xy, yy) = tangent, (part[nodes] for part in q)
+        along = -equation.settings.gravity / (x * x * xx + 2 * x * y * xy + y * y * yy)
+        response[:, :, nodes] = tangent[:, None] * tangent * along
 
         convex = ahead[0] * back[1] - ahead[1] * back[0] > 0.0
         sharp = (ahead * back).sum(axis=0) > least * np.hypot(*ahead) * np.hypot(*back)

@@ -11,6 +11,7 @@ becomes when its weight tau0 equals tau and f = 0.
 
 from __future__ import annotations
 
+import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -51,9 +52,11 @@ class WaveEquation:
         Depths positive (metres).
     open_nodes : (n_ocean,) int array
         Nodes where the elevation is given; no flow through the rest of the boundary.
+        Empty for a lake or a globe that forces inside drive.
     settings : TideSettings
-    friction : float, (n_points,) or (n_triangles,) array, optional
-        tau (1/s), instead of the one value of the settings.
+    friction : float, (n_points,), (n_triangles,) or (3, n_triangles) array, optional
+        tau (1/s), instead of the one value of the settings; three rows are the xx, xy
+        and yy components of a symmetric tensor.
     coriolis : float or (n_points,) array, optional
         f (rad/s), instead of what the settings say.
     elements : Elements, optional
@@ -62,7 +65,7 @@ class WaveEquation:
     Raises
     ------
     EngineError
-        If there are no open nodes, or they are not nodes of the mesh.
+        If open nodes are not nodes of the mesh, or one comes twice.
     MeshError
         If the mean depth of a triangle is not positive, or a node has no triangle.
     """
@@ -103,6 +106,12 @@ class WaveEquation:
         )
         self._place, self._n_free = self._number_unknowns()
 
+    def with_friction(self, friction: float | np.ndarray) -> WaveEquation:
+        """The same equation with other friction; the rest is shared."""
+        other = copy.copy(self)
+        other.friction, other._element_friction = _friction(self.elements, friction)
+        return other
+
     def factorise(self, symbols: Symbols) -> FactorisedWave:
         """Assemble and factorise at one frequency."""
         columns = self._assemble(symbols)
@@ -126,41 +135,104 @@ class WaveEquation:
         At nodes off the open boundary it is the residual; at open nodes it is the
         inflow (m3/s) through the share of the boundary that belongs to the node.
         """
+        flow = self.flow(symbols, self.elements.gradient_of(elevation))
+        return self.continuity(symbols, elevation, self.depth * flow)
+
+    def continuity(
+        self, symbols: Symbols, elevation: np.ndarray, transport: np.ndarray
+    ) -> np.ndarray:
+        """Left side of the continuity equation, as in `apply` (m3/s).
+
+        Parameters
+        ----------
+        symbols : Symbols
+        elevation : (n_points,) complex array
+            m.
+        transport : (2, n_triangles) complex array
+            m2/s.
+        """
         elements = self.elements
-        symmetric, skew = self._conductivity(symbols)
-        gx, gy = elements.gradient_of(elevation)
-        flux = (symmetric * gx, symmetric * gy)
-        if skew is not None:
-            flux = (flux[0] + skew * gy, flux[1] - skew * gx)
-        area = elements.area
-        corner = elements.gradient[0] * (area * flux[0])
-        corner = corner + elements.gradient[1] * (area * flux[1])
         on, off = MASS[self.settings.mass]
-        mass = symbols.continuity * area
+        mass = symbols.continuity * elements.area
         values = elevation[elements.corners]
-        corner += mass * (off * values.sum(axis=0) + (on - off) * values)
-        return elements.scatter(corner)
+        rising = mass * (off * values.sum(axis=0) + (on - off) * values)
+        return elements.scatter(rising) - self.divergence(transport)
+
+    def flow(self, symbols: Symbols, slope: np.ndarray) -> np.ndarray:
+        """Velocity of every triangle under a slope of the water.
+
+        Parameters
+        ----------
+        symbols : Symbols
+        slope : (2, n_triangles) array
+            Gradient of the elevation, less that of the equilibrium tide, less any
+            other acceleration over gravity.
+
+        Returns
+        -------
+        velocity : (2, n_triangles) complex array
+            m/s.
+        """
+        xx, xy, yy, skew = self._response(symbols)
+        x, y = -self.settings.gravity * slope
+        u, v = xx * x, yy * y
+        if xy is not None:
+            u, v = u + xy * y, v + xy * x
+        if skew is not None:
+            u, v = u + skew * y, v - skew * x
+        return np.stack([u, v])
+
+    def divergence(self, flux: np.ndarray) -> np.ndarray:
+        """(2, n_triangles) flux, m2/s -> (n_points,) its integral with grad(phi)."""
+        elements = self.elements
+        (gx, gy), (x, y) = elements.gradient, elements.area * flux
+        return elements.scatter(gx * x + gy * y)
+
+    def resistance(self, velocity: np.ndarray) -> np.ndarray:
+        """Linear friction tau u of the triangles: (2, n_triangles), m/s2."""
+        if self._element_friction.ndim == 1:
+            return self._element_friction * velocity
+        xx, xy, yy = self._element_friction
+        u, v = velocity
+        return np.stack([xx * u + xy * v, xy * u + yy * v])
 
     def nodal_q(self, symbols: Symbols) -> np.ndarray:
         """(n_points,) i w + tau at the nodes (1/s)."""
         return symbols.momentum + self.friction
 
     def element_q(self, symbols: Symbols) -> np.ndarray:
-        """(n_triangles,) i w + tau of the triangles (1/s)."""
+        """(n_triangles,) i w + tau of the triangles (1/s), where it is no tensor."""
         return symbols.momentum + self._element_friction
 
-    def _conductivity(self, symbols: Symbols) -> tuple[np.ndarray, np.ndarray | None]:
-        """Symmetric and skew part of K of every triangle (m2/s)."""
-        q = self.element_q(symbols)
+    def _response(self, symbols: Symbols) -> tuple[np.ndarray | None, ...]:
+        """Velocity per acceleration (s): xx, xy, yy and the skew part; None for zero.
+
+        The inverse of [[i w + tau_xx, tau_xy - f], [tau_xy + f, i w + tau_yy]].
+        """
+        tensor = self._element_friction.ndim == 2
+        if tensor:
+            xx, xy, yy = self._element_friction
+            xx, yy = symbols.momentum + xx, symbols.momentum + yy
+            square = xx * yy - xy * xy
+        else:
+            xx = yy = self.element_q(symbols)
+            square = xx * xx
         f = self._element_coriolis
-        square = q * q if f is None else q * q + f * f
+        if f is not None:
+            square = square + f * f
         if not np.all(square):
             raise EngineError(
                 "the momentum equation has no answer where frequency and friction "
                 "are both zero: give friction to a steady constituent"
             )
-        factor = self.settings.gravity * self.depth / square
-        return factor * q, None if f is None else factor * f
+        factor = 1.0 / square
+        same = factor * yy
+        return (
+            same,
+            -factor * xy if tensor else None,
+            factor * xx if tensor else same,
+            None if f is None else factor * f,
+        )
 
     def _assemble(self, symbols: Symbols) -> sparse.csc_array:
         """Matrix of all nodes in solution order.
@@ -170,8 +242,10 @@ class WaveEquation:
         usual nine entries a triangle is stored, and no entry twice.
         """
         elements, place = self.elements, self._place
-        symmetric, skew = self._conductivity(symbols)
-        symmetric = symmetric * elements.area
+        xx, xy, yy, skew = self._response(symbols)
+        weight = self.settings.gravity * self.depth * elements.area
+        symmetric = weight * xx
+        other = symmetric if yy is xx else weight * yy
         on, off = MASS[self.settings.mass]
         mass = symbols.continuity * elements.area
         gx, gy = elements.gradient
@@ -184,14 +258,16 @@ class WaveEquation:
             run, after = slice(k * m, (k + 1) * m), (k + 1) % 3
             rows[run] = place[elements.corners[k]]
             columns[run] = place[elements.corners[after]]
-            values[run] = symmetric * (gx[k] * gx[after] + gy[k] * gy[after])
+            values[run] = symmetric * (gx[k] * gx[after]) + other * (gy[k] * gy[after])
+            if xy is not None:
+                cross = gx[k] * gy[after] + gy[k] * gx[after]
+                values[run] += weight * xy * cross
             values[run] += off * mass
         # The stiffness of a constant is zero: the diagonal follows from the rest.
-        diagonal = elements.scatter(
-            np.stack(
-                [symmetric * (gx[k] ** 2 + gy[k] ** 2) + on * mass for k in range(3)]
-            )
-        )
+        corner = symmetric * gx**2 + other * gy**2 + on * mass
+        if xy is not None:
+            corner += 2.0 * weight * xy * gx * gy
+        diagonal = elements.scatter(corner)
         rows[3 * m :] = columns[3 * m :] = place
         values[3 * m :] = 0.5 * diagonal
 
@@ -204,7 +280,7 @@ class WaveEquation:
         for k in range(3):
             after = (k + 1) % 3
             turning[k * m : (k + 1) * m] = (
-                elements.area * skew * (gx[k] * gy[after] - gy[k] * gx[after])
+                weight * skew * (gx[k] * gy[after] - gy[k] * gx[after])
             )
         forth = sparse.csc_array((values + turning, (rows, columns)), shape=shape)
         back = sparse.csc_array((values - turning, (columns, rows)), shape=shape)
@@ -244,13 +320,17 @@ class FactorisedWave:
         self._forcing = forcing
         self._factorisation = Factorisation(interior)
 
-    def elevation(self, open_elevation: np.ndarray) -> np.ndarray:
+    def elevation(
+        self, open_elevation: np.ndarray, load: np.ndarray | None = None
+    ) -> np.ndarray:
         """Elevation from its values at the open nodes.
 
         Parameters
         ----------
         open_elevation : (n_ocean,) complex array
             m, in the order of ``equation.open_nodes``.
+        load : (n_points,) complex array, optional
+            Right-hand side (m3/s); what it holds at open nodes is left out.
 
         Returns
         -------
@@ -258,8 +338,13 @@ class FactorisedWave:
             m.
         """
         rhs = -(self._forcing @ np.asarray(open_elevation, dtype=np.complex128))
+        place = self.equation._place
+        if load is not None:
+            ordered = np.empty(len(load), dtype=np.complex128)
+            ordered[place] = load
+            rhs += ordered[: len(rhs)]
         solved = self._factorisation.solve(rhs)
-        return np.concatenate([solved, open_elevation])[self.equation._place]
+        return np.concatenate([solved, open_elevation])[place]
 
     def respond(self, load: np.ndarray, *, transpose: bool = False) -> np.ndarray:
         """Elevation under a load, zero at the open nodes.
@@ -316,26 +401,28 @@ def _friction(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Friction at the nodes and of the triangles."""
     values = np.asarray(friction, dtype=np.float64)
-    if not (np.isfinite(values).all() and (values >= 0.0).all()):
-        raise InputError("the friction coefficient must be finite and not negative")
     n, m = elements.n_points, len(elements.area)
+    sign = values[::2] if values.shape == (3, m) else values
+    if not (np.isfinite(values).all() and (sign >= 0.0).all()):
+        raise InputError("the friction coefficient must be finite and not negative")
     if values.ndim == 0:
         return np.full(n, float(values)), np.full(m, float(values))
     if values.shape == (n,):
         return values, elements.mean(values)
     if values.shape == (m,):
         return elements.nodal_mean(values), values
+    if values.shape == (3, m):
+        return elements.nodal_mean(0.5 * (values[0] + values[2])), values
     raise ValueError(
-        f"friction must be a number, ({n},) or ({m},), got shape {values.shape}"
+        f"friction must be a number, ({n},), ({m},) or (3, {m}), got shape "
+        f"{values.shape}"
     )
 
 
 def _checked_open_nodes(mesh: CoastalMesh, open_nodes: np.ndarray) -> np.ndarray:
     nodes = np.asarray(open_nodes, dtype=np.int64)
     if len(nodes) == 0:
-        raise EngineError(
-            "the mesh has no open (ocean) boundary, so nothing drives the tide"
-        )
+        return nodes
     if nodes.min() < 0 or nodes.max() >= len(mesh.points):
         raise EngineError(
             f"the forcing names node {int(nodes.max())}, the mesh has "

@@ -1,0 +1,453 @@
+"""Nonlinear tides: constituents that act on each other, iterated to agreement.
+
+Every constituent obeys the linear equations with loads of the others,
+
+    i w u + T u + f k x u = -g grad(e - p) + m,   m = T u - F(u) - A(u),
+    i w e + div(h u + E) = 0,
+
+where F is the bottom friction, A the advection, E = the mean of e u, all projected on
+the constituent, and T the mean derivative of the friction by the velocity. With u on
+the right from the last iteration, what is lagged is small: for one constituent at most
+a third of T.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from tidemesh.errors import ConvergenceError
+from tidemesh.tides.frequency_domain.energy import EnergyBalance, constituent_energy
+from tidemesh.tides.frequency_domain.nonlinear_terms import (
+    NonlinearTerms,
+    Places,
+    Terms,
+)
+from tidemesh.tides.frequency_domain.sampling import PhaseLattice
+from tidemesh.tides.frequency_domain.velocity import (
+    nodal_gradient,
+    nodal_response,
+    turn,
+)
+from tidemesh.tides.frequency_domain.wave_equation import (
+    FactorisedWave,
+    Symbols,
+    WaveEquation,
+)
+
+logger = logging.getLogger(__name__)
+
+KEPT_UNKNOWNS = 2_000_000
+"""Constituents times nodes up to which all factors stay in memory (about 2 kB each)."""
+
+_REFACTOR = 0.2
+"""Relative change of T above which the equations are factorised again."""
+
+_STILL = 1.0e-3
+"""Least mean derivative of the friction over the largest frequency."""
+
+_HISTORY = 6
+"""Iterations that the acceleration draws on."""
+
+_ROUGH, _ROUGH_ITERATIONS = 0.05, 6
+"""Change at which the strongest constituent alone is good enough to start from."""
+
+_DIVERGED = 1.0e3
+_NODAL_SWEEPS = 30
+
+
+class IterationReport(NamedTuple):
+    """How the nonlinear terms converged."""
+
+    iterations: int
+    """0 for a linear tide."""
+    change: float
+    """Largest change of the elevation in the last iteration over its root mean
+    square."""
+    converged: bool
+
+
+class Drive(NamedTuple):
+    """What drives the constituents, amplitudes as they act (nodal factors in)."""
+
+    names: tuple[str, ...]
+    symbols: tuple[Symbols, ...]
+    combination: np.ndarray
+    """(n_c, n_fundamental) int, phases by the fundamental ones."""
+    boundary: np.ndarray
+    """(n_c, n_ocean) complex m."""
+    potential: np.ndarray | None
+    """(n_c, n_points) complex m."""
+
+    def only(self, rows: Sequence[int]) -> Drive:
+        """Some of the constituents."""
+        index = list(rows)
+        return Drive(
+            tuple(self.names[k] for k in index),
+            tuple(self.symbols[k] for k in index),
+            self.combination[index],
+            self.boundary[index],
+            None if self.potential is None else self.potential[index],
+        )
+
+    def strength(self) -> np.ndarray:
+        """(n_c,) root mean square of what drives each (m)."""
+        square = np.zeros(len(self.names))
+        for part in (self.boundary, self.potential):
+            if part is not None and part.shape[1]:
+                square += (np.abs(part) ** 2).mean(axis=1)
+        return np.sqrt(square)
+
+
+class _State(NamedTuple):
+    elevation: np.ndarray
+    """(n_c, n_points) complex m."""
+    velocity: np.ndarray
+    """(n_c, 2, n_triangles) complex m/s."""
+
+
+class HarmonicBalance:
+    """The nonlinear tide of a mesh.
+
+    Parameters
+    ----------
+    equation : WaveEquation
+        Its friction is the linear one of the settings.
+    drive : Drive
+    drag : (n_points,) array or None
+        C_f, or g n**2 for Manning's formula; None for linear friction.
+    """
+
+    def __init__(self, equation: WaveEquation, drive: Drive, drag: np.ndarray | None):
+        self.equation = equation
+        self.drive = drive
+        self.drag = drag
+        self.lattice = PhaseLattice(drive.combination)
+        elements = equation.elements
+        self.terms = self._terms(
+            Places(equation.depth, None if drag is None else elements.mean(drag)),
+            equation._element_friction,
+        )
+        settings = equation.settings
+        self._threads = min(settings.threads, len(drive.names))
+        size = len(drive.names) * elements.n_points
+        self._keeps_factors = size <= KEPT_UNKNOWNS
+        self._waves: dict[int, FactorisedWave] = {}
+        self._split = equation
+        self._last: tuple[_State, Terms] | None = None
+        self.change = np.inf
+        self.iterations = 0
+
+    def _terms(self, places: Places, linear: np.ndarray) -> NonlinearTerms:
+        settings = self.equation.settings
+        law = linear if self.drag is None else None
+        if law is not None:
+            places = Places(places.depth, np.zeros_like(places.depth))
+        return NonlinearTerms(self.lattice, places, settings, law)
+
+    # ---- iteration -----------------------------------------------------------------
+
+    def solve(self, report: Callable[[float], None]) -> _State:
+        """Iterate until the elevation stays.
+
+        Raises
+        ------
+        ConvergenceError
+            If the iteration diverges or does not reach its tolerance.
+        """
+        settings = self.equation.settings
+        state = self._start()
+        history = _Acceleration(self._weights(), _HISTORY)
+        for self.iterations in range(1, settings.max_iterations + 1):
+            if self._renew_split(state.velocity):
+                history.forget()
+            previous, state = state, self._advance(state)
+            self.change = self._change_of(previous.elevation, state.elevation)
+            logger.info("iteration %d: change %.1e", self.iterations, self.change)
+            report(self._progress())
+            if self.change <= settings.tolerance:
+                self._waves.clear()
+                return state
+            if not self.change < _DIVERGED:
+                break
+            state = _State(*history.next(previous, state))
+        raise ConvergenceError(
+            f"the nonlinear tide did not converge: after {self.iterations} iterations "
+            f"the elevation still changes by {self.change:.1e} of its root mean "
+            f"square, more than the tolerance {settings.tolerance:g}; raise "
+            "max_iterations, or leave out advection, or finite_amplitude where the "
+            "water is shallow against the tide"
+        )
+
+    def _start(self) -> _State:
+        """The strongest constituent alone, roughly, and nothing of the others."""
+        n_c = len(self.drive.names)
+        elements = self.equation.elements
+        state = _State(
+            np.zeros((n_c, elements.n_points), dtype=np.complex128),
+            np.zeros((n_c, 2, len(elements.area)), dtype=np.complex128),
+        )
+        strongest = int(np.argmax(self.drive.strength()))
+        if n_c == 1 or self.drag is None:
+            return state
+        one = self._alone(strongest)
+        state.elevation[strongest] = one.elevation[0]
+        state.velocity[strongest] = one.velocity[0]
+        return state
+
+    def _alone(self, k: int) -> _State:
+        """One constituent, roughly."""
+        drive = self.drive.only([k])._replace(combination=np.ones((1, 1), np.int64))
+        balance = HarmonicBalance(self.equation, drive, self.drag)
+        state = balance._start()
+        for _ in range(_ROUGH_ITERATIONS):
+            balance._renew_split(state.velocity)
+            previous, state = state, balance._advance(state)
+            change = balance._change_of(previous.elevation, state.elevation)
+            if change < _ROUGH:
+                break
+        return state
+
+    def _advance(self, state: _State) -> _State:
+        """Solve all constituents under the loads of the others."""
+        terms = self._evaluate(state)
+        equation, drive = self._split, self.drive
+        g = equation.settings.gravity
+
+        def solve(k: int) -> tuple[np.ndarray, np.ndarray]:
+            load = equation.resistance(state.velocity[k]) - terms.friction[k]
+            if terms.advection is not None:
+                load -= terms.advection[k]
+            slope = load / -g
+            if drive.potential is not None:
+                slope -= equation.elements.gradient_of(drive.potential[k])
+            symbols = drive.symbols[k]
+            transport = equation.depth * equation.flow(symbols, slope)
+            if terms.flux is not None:
+                transport = transport + terms.flux[k]
+            wave = self._wave(k)
+            elevation = wave.elevation(
+                drive.boundary[k], equation.divergence(transport)
+            )
+            slope += equation.elements.gradient_of(elevation)
+            return elevation, equation.flow(symbols, slope)
+
+        solved = each(solve, range(len(drive.names)), self._threads)
+        self._last = state, terms
+        return _State(*(np.stack(part) for part in zip(*solved)))
+
+    def _wave(self, k: int) -> FactorisedWave:
+        if k in self._waves:
+            return self._waves[k]
+        wave = self._split.factorise(self.drive.symbols[k])
+        if self._keeps_factors:
+            self._waves[k] = wave
+        return wave
+
+    def _renew_split(self, velocity: np.ndarray) -> bool:
+        """Take the mean derivative of the friction anew where it has changed."""
+        if self.drag is None or not velocity.any():
+            return False
+        tensor = self.terms.mean_slope(velocity)
+        # Where no water moves nothing else holds a steady constituent.
+        fastest = max(abs(s.momentum) for s in self.drive.symbols)
+        tensor[::2] += _STILL * fastest
+        old = self._split._element_friction
+        if old.ndim == 2:
+            moved = np.abs(tensor - old).sum(axis=0)
+            size = fastest + np.abs(old).sum(axis=0)
+            weight = self.equation.elements.area
+            if (weight * moved / size).sum() <= _REFACTOR * weight.sum():
+                return False
+        self._split = self.equation.with_friction(tensor)
+        self._waves.clear()
+        return True
+
+    def _evaluate(self, state: _State) -> Terms:
+        settings, elements = self.equation.settings, self.equation.elements
+        level = shear = None
+        if settings.finite_amplitude:
+            level = np.stack([elements.mean(row) for row in state.elevation])
+        if settings.advection:
+            shear = np.stack([self._shear(row) for row in state.velocity])
+        return self.terms.evaluate(state.velocity, level, shear)
+
+    def _shear(self, velocity: np.ndarray) -> np.ndarray:
+        """(4, n_triangles) derivatives of the mean velocities at the nodes."""
+        elements = self.equation.elements
+        corners = elements.from_corners(elements.nodal_vector(velocity))
+        return np.einsum("ikm,jkm->ijm", corners, elements.gradient).reshape(4, -1)
+
+    def _change_of(self, old: np.ndarray, new: np.ndarray) -> float:
+        size = np.sqrt((np.abs(new) ** 2).sum(axis=0).mean())
+        return float(np.abs(new - old).max() / size) if size > 0.0 else 0.0
+
+    def _weights(self) -> _State:
+        """Square roots of the energy of a unit elevation and velocity."""
+        elements = self.equation.elements
+        share = elements.scatter(
+            np.broadcast_to(elements.area / 3.0, elements.corners.shape)
+        )
+        mass = self.equation.depth * elements.area / self.equation.settings.gravity
+        return _State(np.sqrt(share), np.sqrt(mass))
+
+    def _progress(self) -> float:
+        """Share of the way, by the change so far."""
+        goal = self.equation.settings.tolerance
+        way = np.log(max(self.change, goal)) / np.log(min(goal, 0.5))
+        return float(np.clip(0.2 + 0.7 * way, 0.0, 0.95))
+
+    # ---- what follows from the answer ------------------------------------------------
+
+    def energy(self, state: _State) -> EnergyBalance:
+        """Balance of the answer, with the friction force of the last iteration."""
+        before, terms = self._last
+        rows = []
+        for k, symbols in enumerate(self.drive.symbols):
+            later = self._split.resistance(state.velocity[k] - before.velocity[k])
+            potential = self.drive.potential
+            row = constituent_energy(
+                self._split,
+                symbols,
+                state.elevation[k],
+                state.velocity[k],
+                friction=terms.friction[k] + later,
+                advection=None if terms.advection is None else terms.advection[k],
+                flux=None if terms.flux is None else terms.flux[k],
+                potential=None if potential is None else potential[k],
+            )
+            rows.append(row)
+        return EnergyBalance(*np.array(rows).T)
+
+    def nodal(self, state: _State) -> tuple[np.ndarray, np.ndarray]:
+        """Velocity and friction coefficient at the nodes.
+
+        The momentum equations of the nodes, with the gradients that the settings choose
+        and the friction of the nodes' own depth and velocity.
+
+        Returns
+        -------
+        velocity : (n_c, n_points, 2) complex array
+            m/s.
+        friction : (n_c, n_points) or (n_points,) array
+            Linear coefficient (1/s) that does the same work; of an overtide the mean
+            derivative of the friction by its velocity.
+        """
+        equation, drive = self.equation, self.drive
+        elements, settings = equation.elements, equation.settings
+        terms = self._terms(Places(equation.mesh.depth, self.drag), equation.friction)
+        velocity = np.stack([elements.nodal_vector(u) for u in state.velocity])
+        tensor = terms.mean_slope(velocity)
+        fastest = max(abs(s.momentum) for s in drive.symbols)
+        tensor[::2] += _STILL * fastest
+        driving = state.elevation
+        if drive.potential is not None:
+            driving = driving - drive.potential
+        slope = np.stack([nodal_gradient(equation, row) for row in driving])
+        advection = self._last[1].advection
+        if advection is not None:
+            slope += np.stack([elements.nodal_vector(row) for row in advection]) / (
+                settings.gravity
+            )
+        response = [nodal_response(equation, s, tensor) for s in drive.symbols]
+        for _ in range(_NODAL_SWEEPS):
+            force = terms.evaluate(velocity, state.elevation).friction
+            previous, velocity = velocity, np.empty_like(velocity)
+            for k, old in enumerate(previous):
+                lag = np.stack(
+                    [
+                        tensor[0] * old[0] + tensor[1] * old[1],
+                        tensor[1] * old[0] + tensor[2] * old[1],
+                    ]
+                )
+                load = (force[k] - lag) / settings.gravity
+                velocity[k] = turn(response[k], slope[k] + load)
+            size = np.sqrt((np.abs(velocity) ** 2).mean())
+            if np.abs(velocity - previous).max() <= settings.tolerance * size:
+                break
+        friction = equation.friction
+        if self.drag is not None:
+            friction = self._equivalent(previous, force, tensor)
+        return np.ascontiguousarray(velocity.transpose(0, 2, 1)), friction
+
+    def _equivalent(
+        self, velocity: np.ndarray, force: np.ndarray, tensor: np.ndarray
+    ) -> np.ndarray:
+        square = (np.abs(velocity) ** 2).sum(axis=1)
+        work = (velocity.conj() * force).real.sum(axis=1)
+        mean = 0.5 * (tensor[0] + tensor[2])
+        small = np.finfo(float).tiny
+        # Where one velocity nearly vanishes, the others decide about its friction.
+        friction = np.clip(work / (square + small), 0.0, 2.0 * mean)
+        friction[self.drive.strength() == 0.0] = mean
+        return friction
+
+
+class _Acceleration:
+    """Anderson's acceleration of a fixed-point iteration x -> G(x).
+
+    The next x is the combination of the last images whose combined step G(x) - x is
+    the smallest (Walker & Ni 2011).
+    """
+
+    def __init__(self, weights: _State, size: int):
+        self._weights = weights
+        self._size = size
+        self.forget()
+
+    def forget(self) -> None:
+        """Start anew: the map has changed."""
+        self._images: deque[_State] = deque(maxlen=self._size)
+        self._steps: deque[list[np.ndarray]] = deque(maxlen=self._size)
+        self._products = np.zeros((0, 0))
+
+    def next(self, before: _State, image: _State) -> Iterable[np.ndarray]:
+        """The next trial, from the last one and its image."""
+        step = [
+            (w * (b - a)).astype(np.complex64)
+            for w, a, b in zip(self._weights, before, image)
+        ]
+        if len(self._steps) == self._size:
+            self._products = self._products[1:, 1:]
+        self._images.append(image)
+        self._steps.append(step)
+        row = [
+            sum(float(np.vdot(x, y).real) for x, y in zip(step, other))
+            for other in self._steps
+        ]
+        count = len(row)
+        products = np.zeros((count, count))
+        products[:-1, :-1] = self._products
+        products[-1] = products[:, -1] = row
+        self._products = products
+        share = _least(products)
+        for parts in zip(*self._images):
+            yield sum(s * part for s, part in zip(share, parts))
+
+
+def _least(products: np.ndarray) -> np.ndarray:
+    """Weights of sum 1 that make the combined step smallest."""
+    count = len(products)
+    scale = np.sqrt(products.diagonal())
+    if not scale.all():
+        return np.eye(count)[-1]
+    # A trace of the diagonal keeps near parallel steps apart.
+    normal = products / products[-1, -1]
+    normal = normal + 1e-10 * np.diag(normal.diagonal())
+    share = np.linalg.solve(normal, np.ones(count))
+    return share / share.sum()
+
+
+def each(function: Callable, items: Iterable, threads: int) -> list:
+    """[function(item), ...], several at a time."""
+    if threads <= 1:
+        return [function(item) for item in items]
+    # The linear algebra library's own threads would only get in the way.
+    with threadpool_limits(1, "blas"), ThreadPoolExecutor(threads) as pool:
+        return list(pool.map(function, items))

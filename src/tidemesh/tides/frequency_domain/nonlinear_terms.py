@@ -1,0 +1,147 @@
+"""The nonlinear terms of the shallow water equations, projected on the constituents.
+
+    e_t + div((h + e) u) = 0
+    u_t + f k x u = -g grad(e - p) - C_f |u| u / (h + e) - (u . grad) u
+
+What is not linear is sampled over the phases of the tide and brought back to complex
+amplitudes; so friction, the flux e u and the advection of momentum act on every
+constituent, whatever their number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from tidemesh.tides.frequency_domain.sampling import PhaseLattice
+from tidemesh.tides.settings import TideSettings
+
+LEAST_WATER = 0.1
+"""Least depth of water that friction sees, over the depth below mean level."""
+
+_CHUNK = 512
+_TINY = 1.0e-12
+"""m/s, added to speeds that something is divided by."""
+
+
+class Places(NamedTuple):
+    """Where the terms are evaluated: triangles or nodes, with what friction needs."""
+
+    depth: np.ndarray
+    """(n,) m."""
+    drag: np.ndarray
+    """(n,) C_f; or for Manning's formula g n**2 (m^(1/3)), see `manning`."""
+
+
+class Terms(NamedTuple):
+    """Complex amplitudes of the nonlinear terms."""
+
+    friction: np.ndarray
+    """(n_c, 2, n) m/s2, C_f |u| u / (h + e)."""
+    advection: np.ndarray | None
+    """(n_c, 2, n) m/s2, (u . grad) u; None where it is left out."""
+    flux: np.ndarray | None
+    """(n_c, 2, n) m2/s, e u; None for a fixed depth."""
+
+
+class NonlinearTerms:
+    """Evaluates the nonlinear terms that the settings switch on.
+
+    Parameters
+    ----------
+    lattice : PhaseLattice
+    places : Places
+    settings : TideSettings
+    linear : (n,) array, optional
+        Linear friction (1/s) in place of the drag, where the law is linear.
+    """
+
+    def __init__(
+        self,
+        lattice: PhaseLattice,
+        places: Places,
+        settings: TideSettings,
+        linear: np.ndarray | None = None,
+    ):
+        self.lattice = lattice
+        self.places = places
+        self.settings = settings
+        self.linear = linear
+
+    def evaluate(
+        self,
+        velocity: np.ndarray,
+        elevation: np.ndarray | None = None,
+        shear: np.ndarray | None = None,
+    ) -> Terms:
+        """Project the terms on the constituents.
+
+        Parameters
+        ----------
+        velocity : (n_c, 2, n) complex array
+            m/s.
+        elevation : (n_c, n) complex array, optional
+            m; needed for a finite amplitude.
+        shear : (n_c, 4, n) complex array, optional
+            u_x, u_y, v_x, v_y (1/s); needed for the advection.
+        """
+        finite = self.settings.finite_amplitude
+        force = np.empty_like(velocity)
+        flux = np.empty_like(velocity) if finite else None
+        advection = None if shear is None else np.empty_like(velocity)
+        sample, project = self.lattice.samples, self.lattice.amplitudes
+        for part in self._parts(velocity.shape[-1]):
+            u, v = sample(velocity[:, 0, part]), sample(velocity[:, 1, part])
+            drag, depth = self.places.drag[part], self.places.depth[part]
+            water = depth
+            if finite:
+                rise = sample(elevation[:, part])
+                flux[:, 0, part] = project(rise * u)
+                flux[:, 1, part] = project(rise * v)
+                water = np.maximum(depth + rise, LEAST_WATER * depth)
+            if self.linear is None:
+                resistance = self._resistance(drag, water) * np.sqrt(u * u + v * v)
+                force[:, 0, part] = project(resistance * u)
+                force[:, 1, part] = project(resistance * v)
+            if shear is not None:
+                ux, uy, vx, vy = (sample(shear[:, k, part]) for k in range(4))
+                advection[:, 0, part] = project(u * ux + v * uy)
+                advection[:, 1, part] = project(u * vx + v * vy)
+        if self.linear is not None:
+            force[:] = self.linear * velocity
+        return Terms(force, advection, flux)
+
+    def mean_slope(self, velocity: np.ndarray) -> np.ndarray:
+        """(3, n) mean derivative of the friction by the velocity (1/s): xx, xy, yy.
+
+        With the friction split into this part, which is solved for, and the rest, which
+        is lagged, an iteration changes by a third at most from step to step.
+        """
+        n = velocity.shape[-1]
+        if self.linear is not None:
+            return np.stack([self.linear, np.zeros(n), self.linear])
+        tensor = np.empty((3, n))
+        for part in self._parts(n):
+            u = self.lattice.samples(velocity[:, 0, part])
+            v = self.lattice.samples(velocity[:, 1, part])
+            uu, vv = u * u, v * v
+            speed = np.sqrt(uu + vv) + _TINY
+            scale = self._resistance(
+                self.places.drag[part], self.places.depth[part]
+            ) / len(u)
+            tensor[0, part] = scale * (speed + uu / speed).sum(axis=0)
+            tensor[1, part] = scale * (u * v / speed).sum(axis=0)
+            tensor[2, part] = scale * (speed + vv / speed).sum(axis=0)
+        return tensor
+
+    def _resistance(self, drag: np.ndarray, water: np.ndarray) -> np.ndarray:
+        """C_f over the depth of water (1/m)."""
+        if self.settings.friction_law == "manning":
+            return drag / (water * np.cbrt(water))
+        return drag / water
+
+    def _parts(self, n: int) -> Iterator[slice]:
+        # So few at a time that the samples stay in the cache.
+        return (slice(first, first + _CHUNK) for first in range(0, n, _CHUNK))
