@@ -36,8 +36,8 @@ class Elements:
     n_points : int
     position : (2 or 3, n_points) float array
         Nodes on the map, or in space (m).
-    axes : (2, 3, n_points) float array or None
-        Where nodes lie in space: the directions of x and y at each of them.
+    axes : (2, 2 or 3, n_points) float array or None
+        Directions of x and y at every node, where they are not those of `position`.
     turn : (2, 3, n_triangles) float array or None
         Where the axes differ from place to place: cosine and sine of the angle from
         the x axis of a triangle to that of each corner; None for common axes.
@@ -172,6 +172,8 @@ class Elements:
         True lengths, for nodes near each other.
         """
         way = self.position[:, to] - self.position[:, at]
-        if self.axes is not None:
-            return np.einsum("ick,ck->ik", self.axes[:, :, at], way)
-        return way if self.scale is None else way / self.scale[:, at]
+        if self.scale is not None:
+            way = way / self.scale[:, at]
+        if self.axes is None:
+            return way
+        return np.einsum("ick,ck->ik", self.axes[:, :, at], way)
