@@ -22,6 +22,7 @@ logger = logging.getLogger(__name__)
 _REAL = re.compile(
     r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[eEdDqQ]([+-]?\d+)|([+-]\d+))?", re.ASCII
 )
+_PLAIN = re.compile(r"[+-]?\d+\.?\d*", re.ASCII)
 _WHOLE = re.compile(r"[+-]?\d{1,18}", re.ASCII)
 _REPEATED = re.compile(r"(\d{1,6})\*(.*)", re.ASCII | re.DOTALL)
 _ITEM = re.compile(r"""\s*(,|/|'[^']*'|"[^"]*"|[^\s,/]+)""")
@@ -279,6 +280,9 @@ class Records:
 
 def begins_with_numbers(text: str, columns: int) -> bool:
     """Whether a record begins with so many numbers."""
+    plain = text.split(None, columns)[:columns]
+    if len(plain) == columns and all(_PLAIN.fullmatch(word) for word in plain):
+        return True
     words = items(text, columns)
     try:
         return len(words) == columns and all(

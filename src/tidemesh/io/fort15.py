@@ -854,7 +854,8 @@ def _read_stations(lines: Records, letter: str) -> StationOutput:
     for k in range(number):
         what = f"coordinates of station {k + 1} of {number}"
         text = lines.raw(what)
-        if not begins_with_numbers(text, 2):
+        # Four numbers are the next line of the file, not a station.
+        if not begins_with_numbers(text, 2) or begins_with_numbers(text, 4):
             raise lines.error(f'expected {what}, got "{text.strip()}"')
         x, y, name = _station(text)
         points.append((x, y))
