@@ -7,6 +7,12 @@ from tidemesh.plots.quality import quality_histogram
 from tidemesh.plots.saving import save_figure
 from tidemesh.plots.sizes import size_map
 from tidemesh.plots.tide import cotidal_chart
+from tidemesh.plots.verification import (
+    plot_constants,
+    plot_gauge_map,
+    plot_phases,
+    plot_records,
+)
 
 __all__ = [
     "boundary_before_after",
@@ -16,6 +22,10 @@ __all__ = [
     "error_before_after",
     "error_map",
     "mesh_map",
+    "plot_constants",
+    "plot_gauge_map",
+    "plot_phases",
+    "plot_records",
     "quality_histogram",
     "save_figure",
     "size_map",
