@@ -3,6 +3,7 @@
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -11,11 +12,23 @@ from matplotlib.dates import num2date
 from numpy.testing import assert_allclose
 
 from tidemesh import plots
-from tidemesh.datatypes import BoundaryString, CoastalMesh, TideRecord, TideTable
+from tidemesh.datatypes import BoundaryString, CoastalMesh, TideTable
 from tidemesh.geometry.projection import Projection
 
 HOUR = 3600.0
 START = datetime(1998, 3, 16, tzinfo=UTC).timestamp()
+
+
+class Constants(NamedTuple):
+    modelled: TideTable
+    observed: TideTable
+
+
+class Levels(NamedTuple):
+    station: str
+    time: np.ndarray
+    observed: np.ndarray
+    modelled: np.ndarray
 
 
 def table(values):
@@ -39,6 +52,7 @@ OBSERVED = table({"M2": [(1.0, 10), (0.8, 355), (0.5, 100)], "K1": [(0.1, 200)] 
 MODELLED = table(
     {"M2": [(1.05, 5), (0.6, 20), (0.5, 100)], "K1": [(0.1, 200), (0.1, 212), (0.2, 0)]}
 )
+BOTH = Constants(MODELLED, OBSERVED)
 
 
 def points(axis):
@@ -51,7 +65,7 @@ def points(axis):
 
 
 def test_amplitudes_and_errors():
-    axis = plots.plot_constants(MODELLED, OBSERVED)
+    axis = plots.plot_constants(BOTH)
     amplitudes = points(axis)
     assert_allclose(amplitudes["M2"], [[1.0, 0.8, 0.5], [1.05, 0.6, 0.5]])
     assert axis.get_title() == "6 constants of 3 gauges: 3 within 10 % and 10°"
@@ -69,13 +83,13 @@ def test_amplitudes_and_errors():
 def test_absent_constants_are_not_drawn():
     gaps = OBSERVED.elevation.copy()
     gaps[0, 0], gaps[0, 1], gaps[1, :] = np.nan, 0.0, np.nan
-    axis = plots.plot_constants(MODELLED, replace(OBSERVED, elevation=gaps))
+    axis = plots.plot_constants(Constants(MODELLED, replace(OBSERVED, elevation=gaps)))
     assert_allclose(points(axis)["M2"], [[0.5], [0.5]])
     assert points(axis)["K1"].size == 0
 
 
 def test_phases_about_360_degrees_lie_on_the_line():
-    axis = plots.plot_phases(MODELLED, OBSERVED)
+    axis = plots.plot_phases(BOTH)
     shown = points(axis)
     assert_allclose(shown["M2"], [[10, -5, 100], [5, 20, 100]], atol=1e-9)
     assert_allclose(shown["K1"], [[-160] * 3, [-160, -148, 0]], atol=1e-9)
@@ -83,53 +97,59 @@ def test_phases_about_360_degrees_lie_on_the_line():
 
 def test_tables_that_do_not_fit():
     with pytest.raises(ValueError, match="same gauges: modelled 1, observed 3"):
-        plots.plot_constants(table({"M2": [(1, 0)]}), OBSERVED)
+        plots.plot_constants(Constants(table({"M2": [(1, 0)]}), OBSERVED))
     with pytest.raises(ValueError, match='no constituent "S2" among M2, K1'):
-        plots.plot_constants(MODELLED, OBSERVED, names=["S2"])
+        plots.plot_constants(BOTH, names=["S2"])
     with pytest.raises(ValueError, match="no constituent in common"):
-        plots.plot_phases(table({"S2": [(1, 0)] * 3}), OBSERVED)
+        plots.plot_phases(Constants(table({"S2": [(1, 0)] * 3}), OBSERVED))
 
 
-def records():
-    time = START + HOUR * np.arange(0, 17 * 24)
-    observed = TideRecord(time, 0.3 + np.cos(2e-4 * time), station="Charleston")
-    finer = START + 600.0 * np.arange(0, 17 * 24 * 6)
-    return TideRecord(finer, 0.1 + 0.9 * np.cos(2e-4 * finer)), observed
+def levels(step=HOUR):
+    time = START + np.arange(0.0, 15 * 86400.0 + 1.0, step)
+    cosine = np.cos(2e-4 * time)
+    return Levels("Charleston", time, cosine, 0.9 * cosine)
+
+
+def lines_of(axis):
+    return {line.get_label(): line for line in axis.lines}
 
 
 def test_records_and_their_residual():
-    modelled, observed = records()
-    level = observed.elevation.copy()
-    level[30] = np.nan
-    observed = replace(observed, elevation=level)
-    end = START + 15 * 86400.0
-    axis = plots.plot_records(modelled, observed, start=START, end=end)
-    dots = next(line for line in axis.lines if line.get_label() == "observed")
-    assert len(dots.get_xdata()) == 15 * 24 + 1
+    compared = levels()
+    axis = plots.plot_records(compared)
+    dots, line = (lines_of(axis)[name] for name in ("observed", "modelled"))
+    assert_allclose(dots.get_ydata(), compared.observed)
     assert num2date(dots.get_xdata()[5]) == datetime(1998, 3, 16, 5, tzinfo=UTC)
-    assert_allclose(np.nanmean(dots.get_ydata()), 0.0, atol=1e-12)
-    line = next(line for line in axis.lines if line.get_label() == "modelled")
     assert num2date(line.get_xdata()[-1]) == datetime(1998, 3, 31, tzinfo=UTC)
+    # Between hourly levels the line is a curve, not a chord.
+    seconds = np.asarray(line.get_xdata()[:-1]) * 86400.0
+    assert len(seconds) > 5 * len(compared.time)
+    assert_allclose(line.get_ydata()[:-1], 0.9 * np.cos(2e-4 * seconds), atol=0.01)
     beneath = axis.figure.axes[1]
-    residual = beneath.lines[0].get_ydata()
-    assert np.isnan(residual[30])
-    cosine = np.cos(2e-4 * observed.time[: len(residual)])
-    expected = -0.1 * cosine
-    keep = np.isfinite(residual)
-    assert_allclose(residual[keep], (expected - expected[keep].mean())[keep], atol=1e-6)
-    rms = np.std(expected[keep])
+    assert_allclose(beneath.lines[0].get_ydata()[:-1], -0.1 * compared.observed)
+    rms = np.sqrt(np.mean((0.1 * compared.observed) ** 2))
     assert axis.get_title() == f"Charleston: rms error {rms:.3f} m"
     assert beneath.get_xlabel() == "1998, UTC"
-    datums = plots.plot_records(modelled, observed, remove_mean=False)
-    dots = next(line for line in datums.lines if line.get_label() == "observed")
-    assert np.nanmax(dots.get_ydata()) == pytest.approx(1.3, abs=0.01)
+    assert axis.get_ylim()[1] > 1.0
 
 
-def test_records_apart():
-    modelled, observed = records()
-    later = replace(observed, time=observed.time + 1e8)
-    with pytest.raises(ValueError, match="no time in common"):
-        plots.plot_records(modelled, later)
+def test_gaps_stay_open_and_dense_levels_are_thinned():
+    whole = levels()
+    keep = np.ones(len(whole.time), dtype=bool)
+    keep[100:110] = False
+    gappy = Levels("", *(values[keep] for values in whole[1:]))
+    axis = plots.plot_records(gappy)
+    line = lines_of(axis)["modelled"]
+    nothing = np.isnan(line.get_ydata())
+    days = np.asarray(line.get_xdata())
+    assert nothing.sum() == 2
+    gap = (whole.time[[100, 109]]) / 86400.0
+    assert not ((days > gap[0]) & (days < gap[1]) & ~nothing).any()
+    assert axis.get_title().startswith("rms error")
+    assert lines_of(axis)["observed"].get_markevery() == 1
+    dense = lines_of(plots.plot_records(levels(step=360.0)))
+    assert dense["observed"].get_markevery() == 10
+    assert len(dense["modelled"].get_xdata()) == 15 * 240 + 2
 
 
 def square():
@@ -143,7 +163,7 @@ def square():
 
 
 def test_gauges_on_the_map():
-    axis = plots.plot_gauge_map(square(), MODELLED, OBSERVED, "K1", labels=2)
+    axis = plots.plot_gauge_map(square(), BOTH, "K1", labels=2)
     (spots,) = (c for c in axis.collections if isinstance(c, PathCollection))
     error = np.abs(MODELLED.elevation[1] - OBSERVED.elevation[1])
     # The worst comes last, on top.
@@ -162,10 +182,9 @@ def test_gauges_on_the_map():
 
 @pytest.mark.parametrize("suffix", [".png", ".svg"])
 def test_same_bytes(tmp_path, suffix):
-    modelled, observed = records()
     for name, draw in {
-        "constants": partial(plots.plot_constants, MODELLED, OBSERVED),
-        "records": partial(plots.plot_records, modelled, observed),
+        "constants": partial(plots.plot_constants, BOTH),
+        "records": partial(plots.plot_records, levels()),
     }.items():
         paths = [tmp_path / f"{name}{k}{suffix}" for k in range(2)]
         for path in paths:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from datetime import UTC, datetime, timedelta
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.dates import AutoDateLocator, DateFormatter, date2num
+from matplotlib.dates import AutoDateLocator, DateFormatter
 from matplotlib.ticker import FuncFormatter, NullFormatter
 from scipy.interpolate import CubicSpline
 
-from tidemesh.datatypes import CoastalMesh, TideRecord, TideTable
+from tidemesh.datatypes import CoastalMesh, TideTable
 from tidemesh.plots.maps import (
     BLACK,
     BLUE,
@@ -44,14 +46,33 @@ _MARKS = (
 )
 _MORE = ("<", ">", "p", "h", "*", "d")
 _DRAWN_STEP_S = 600.0
+_DOT_STEP_S = 3600.0
 _LINEAR_PERCENT = 20.0
 _LINEAR_DEG = 20.0
 """Errors up to these are drawn to scale, larger ones by their logarithm."""
 
 
+class ComparedConstants(Protocol):
+    """Constants of the same gauges, in the same order."""
+
+    modelled: TideTable
+    observed: TideTable
+
+
+class ComparedLevels(Protocol):
+    """Water levels at the same times."""
+
+    station: str
+    time: np.ndarray
+    """(n,) s since 1970-01-01 00:00 UTC."""
+    observed: np.ndarray
+    """(n,) m."""
+    modelled: np.ndarray
+    """(n,) m."""
+
+
 def plot_constants(
-    modelled: TideTable,
-    observed: TideTable,
+    comparison: ComparedConstants,
     *,
     names: Sequence[str] | None = None,
     axis: Axes | None = None,
@@ -66,9 +87,8 @@ def plot_constants(
 
     Parameters
     ----------
-    modelled, observed : TideTable
-        The same gauges, in the same order, for instance ``comparison.modelled`` and
-        ``comparison.observed``.
+    comparison : ComparedConstants
+        For instance of `verification.compare_constants`.
     names : sequence of str, optional
         Constituents; all that both have if not given.
     axis : Axes, optional
@@ -84,6 +104,7 @@ def plot_constants(
     ValueError
         If the tables have different gauges, or no constituent in common.
     """
+    modelled, observed = comparison.modelled, comparison.observed
     names = _common(modelled, observed, names)
     axis = new_axis(axis)
     panels = panels_beside(axis, 1)
@@ -109,8 +130,7 @@ def plot_constants(
 
 
 def plot_phases(
-    modelled: TideTable,
-    observed: TideTable,
+    comparison: ComparedConstants,
     *,
     names: Sequence[str] | None = None,
     axis: Axes | None = None,
@@ -119,8 +139,7 @@ def plot_phases(
 
     Parameters
     ----------
-    modelled, observed : TideTable
-        The same gauges, in the same order.
+    comparison : ComparedConstants
     names : sequence of str, optional
     axis : Axes, optional
 
@@ -128,6 +147,7 @@ def plot_phases(
     -------
     Axes
     """
+    modelled, observed = comparison.modelled, comparison.observed
     names = _common(modelled, observed, names)
     axis = new_axis(axis)
     low, high = math.inf, -math.inf
@@ -153,24 +173,13 @@ def plot_phases(
     return axis
 
 
-def plot_records(
-    modelled: TideRecord,
-    observed: TideRecord,
-    *,
-    start: float | None = None,
-    end: float | None = None,
-    remove_mean: bool = True,
-    axis: Axes | None = None,
-) -> Axes:
+def plot_records(comparison: ComparedLevels, *, axis: Axes | None = None) -> Axes:
     """Water levels over time, observed as points, modelled as a line (paper, Fig. 9).
 
     Parameters
     ----------
-    modelled, observed : TideRecord
-    start, end : float, optional
-        s since 1970-01-01 00:00 UTC; what the records have in common if not given.
-    remove_mean : bool
-        Draw both about their means over the observed times of the window.
+    comparison : ComparedLevels
+        For instance of `verification.compare_records`.
     axis : Axes, optional
         Takes the levels; the residual comes beneath.
 
@@ -178,38 +187,20 @@ def plot_records(
     -------
     Axes
         That of the levels.
-
-    Raises
-    ------
-    ValueError
-        If the records have no time in common within the window.
     """
-    low = max(modelled.time[0], observed.time[0]) if start is None else start
-    high = min(modelled.time[-1], observed.time[-1]) if end is None else end
-    seen = (observed.time >= low) & (observed.time <= high)
-    model = _curve(modelled)
-    at = model(observed.time[seen])
-    truth = observed.elevation[seen]
-    both = np.isfinite(at) & np.isfinite(truth)
-    if not both.any():
-        raise ValueError("the records have no time in common within the window")
-    centre = at[both].mean() if remove_mean else 0.0
-    other = truth[both].mean() if remove_mean else 0.0
-    residual = (at - centre) - (truth - other)
-
+    time, observed = comparison.time, comparison.observed
+    residual = comparison.modelled - observed
     axis = new_axis(axis)
     beneath = _panel_beneath(axis)
-    fine = np.arange(low, high + _DRAWN_STEP_S, _DRAWN_STEP_S)
     axis.plot(
-        _dates(fine),
-        model(fine) - centre,
+        *_smooth(time, comparison.modelled),
         color=BLUE,
         linewidth=1.1,
         label="modelled",
     )
     axis.plot(
-        _dates(observed.time[seen]),
-        truth - other,
+        _dates(time),
+        observed,
         linestyle="none",
         marker="o",
         markersize=2.6,
@@ -217,24 +208,25 @@ def plot_records(
         markeredgecolor=BLACK,
         markeredgewidth=0.7,
         label="observed",
+        # Six-minute levels would hide each other and the line.
+        markevery=max(1, round(_DOT_STEP_S / _step(time))),
         zorder=3,
     )
     axis.axhline(0.0, color="0.6", linewidth=0.6, zorder=0)
     axis.set_ylabel("water level (m)")
     axis.legend(loc="upper right", ncols=2, frameon=False, fontsize=9)
-    reach = 1.25 * np.nanmax(np.abs([*(truth - other), *(at[both] - centre)]))
-    axis.set_ylim(-reach, reach)
-    rms = float(np.sqrt(np.nanmean(residual**2)))
-    name = observed.station or modelled.station
-    axis.set_title(f"{name}: rms error {rms:.3f} m".lstrip(": "))
+    low = min(observed.min(), comparison.modelled.min())
+    high = max(observed.max(), comparison.modelled.max())
+    room = 0.08 * (high - low) + 0.01
+    axis.set_ylim(low - room, high + 2.5 * room)
+    rms = float(np.sqrt(np.mean(residual**2)))
+    axis.set_title(f"{comparison.station}: rms error {rms:.3f} m".removeprefix(": "))
     for panel in (axis, *beneath):
-        _decorate_dates(panel, low, high)
+        _decorate_dates(panel, time[0], time[-1])
     for panel in beneath:
-        panel.plot(
-            _dates(observed.time[seen]), residual, color=VERMILION, linewidth=0.9
-        )
+        panel.plot(*_broken(time, residual), color=VERMILION, linewidth=0.9)
         panel.axhline(0.0, color="0.6", linewidth=0.6, zorder=0)
-        limit = max(1.15 * float(np.nanmax(np.abs(residual))), 0.01)
+        limit = max(1.15 * float(np.abs(residual).max()), 0.01)
         panel.set_ylim(-limit, limit)
         panel.set_ylabel("modelled −\nobserved (m)")
         axis.tick_params(labelbottom=False)
@@ -244,8 +236,7 @@ def plot_records(
 
 def plot_gauge_map(
     mesh: CoastalMesh,
-    modelled: TideTable,
-    observed: TideTable,
+    comparison: ComparedConstants,
     constituent: str | None = None,
     *,
     labels: int = 6,
@@ -256,8 +247,7 @@ def plot_gauge_map(
     Parameters
     ----------
     mesh : CoastalMesh
-    modelled, observed : TideTable
-        The same gauges, in the same order.
+    comparison : ComparedConstants
     constituent : str, optional
         The first one in common by default.
     labels : int
@@ -273,7 +263,8 @@ def plot_gauge_map(
     ValueError
         If the tables have different gauges, or no such constituent.
     """
-    name = _common(modelled, observed, constituent and [constituent])[0]
+    modelled, observed = comparison.modelled, comparison.observed
+    name = _common(modelled, observed, [constituent] if constituent else None)[0]
     error = np.abs(
         modelled.elevation[modelled.names.index(name)]
         - observed.elevation[observed.names.index(name)]
@@ -446,13 +437,38 @@ def _panel_beneath(axis: Axes) -> list[Axes]:
     return [axis.figure.add_subplot(grid[1])]
 
 
-def _curve(record: TideRecord) -> Callable[[np.ndarray], np.ndarray]:
-    """A record as a function of time: a smooth curve, or straight lines about gaps."""
-    if len(record.time) >= 4 and np.isfinite(record.elevation).all():
-        return CubicSpline(record.time, record.elevation, extrapolate=False)
-    return lambda time: np.interp(
-        time, record.time, record.elevation, left=np.nan, right=np.nan
-    )
+def _step(time: np.ndarray) -> float:
+    return float(np.median(np.diff(time))) if len(time) > 1 else _DOT_STEP_S
+
+
+def _runs(time: np.ndarray) -> list[slice]:
+    """Parts without gaps."""
+    ends = np.flatnonzero(np.diff(time) > 1.5 * _step(time)) + 1
+    return [slice(a, b) for a, b in pairwise([0, *ends.tolist(), len(time)])]
+
+
+def _broken(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Dates and values of a line that leaves gaps open."""
+    parts = [(time[run], values[run]) for run in _runs(time)]
+    return _joined(parts)
+
+
+def _smooth(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same of a curve through the values, which hourly levels cut corners of."""
+    parts = []
+    for run in _runs(time):
+        own, level = time[run], values[run]
+        if len(own) >= 4 and _step(own) > _DRAWN_STEP_S:
+            fine = np.union1d(np.arange(own[0], own[-1], _DRAWN_STEP_S), own)
+            own, level = fine, CubicSpline(own, level)(fine)
+        parts.append((own, level))
+    return _joined(parts)
+
+
+def _joined(parts: list[tuple[np.ndarray, np.ndarray]]) -> tuple:
+    time = np.concatenate([np.append(own, own[-1]) for own, _ in parts])
+    values = np.concatenate([np.append(level, np.nan) for _, level in parts])
+    return _dates(time), values
 
 
 def _decorate_dates(axis: Axes, low: float, high: float) -> None:
@@ -466,5 +482,5 @@ def _decorate_dates(axis: Axes, low: float, high: float) -> None:
 
 
 def _dates(time: np.ndarray) -> np.ndarray:
-    epoch = datetime.fromtimestamp(0, UTC)
-    return date2num([epoch + timedelta(seconds=float(second)) for second in time])
+    """Days since 1970, which is what matplotlib counts."""
+    return np.asarray(time) / 86400.0
