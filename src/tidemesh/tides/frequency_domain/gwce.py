@@ -27,13 +27,10 @@ import scipy.sparse as sparse
 from tidemesh.datatypes import CoastalMesh, TideForcing, TideSolution
 from tidemesh.errors import EngineError, InputError
 from tidemesh.tides.frequency_domain.elements import MASS, Elements
+from tidemesh.tides.frequency_domain.harmonic_balance import each
 from tidemesh.tides.frequency_domain.ordering import nested_dissection
 from tidemesh.tides.frequency_domain.velocity import nodal_response, nodal_velocity
-from tidemesh.tides.frequency_domain.wave_equation import (
-    FactorisedWave,
-    Symbols,
-    WaveEquation,
-)
+from tidemesh.tides.frequency_domain.wave_equation import Symbols, WaveEquation
 from tidemesh.tides.settings import TideSettings
 
 WEIGHTS = (0.35, 0.30, 0.35)
@@ -144,6 +141,7 @@ class GwceEquation(WaveEquation):
             coriolis=coriolis,
             elements=elements,
         )
+        _check_scalar(self)
 
     @property
     def coupled(self) -> bool:
@@ -152,14 +150,14 @@ class GwceEquation(WaveEquation):
             np.any(self.tau0 != self.friction) or np.any(self.tau0 != self.tau0[0])
         )
 
-    def factorise(self, symbols: GwceSymbols) -> FactorisedWave:
-        """Assemble and factorise at one frequency."""
-        columns = self._assemble(symbols)
-        n_free = self._n_free
-        interior = columns[:, :n_free][:n_free]
-        forcing = columns[:, n_free:][:n_free]
-        del columns
-        return FactorisedWave(self, interior, forcing)
+    def with_friction(self, friction: float | np.ndarray) -> GwceEquation:
+        """The same equation with other friction; the rest is shared."""
+        other = super().with_friction(friction)
+        _check_scalar(other)
+        if other.coupled != self.coupled:
+            other._place, other._n_free = other._number_unknowns()
+            other.__dict__.pop("_pattern", None)
+        return other
 
     def apply(self, symbols: GwceSymbols, elevation: np.ndarray) -> np.ndarray:
         """Matrix times vector without the matrix: (n_points,) -> (n_points,).
@@ -168,7 +166,7 @@ class GwceEquation(WaveEquation):
         """
         elements = self.elements
         conductance = symbols.slope * self.settings.gravity * self.depth
-        result = self._spread(conductance * elements.gradient_of(elevation))
+        result = self.divergence(conductance * elements.gradient_of(elevation))
         on, off = MASS[self.settings.mass]
         mass = self._element_mass(symbols)
         values = elevation[elements.corners]
@@ -194,7 +192,7 @@ class GwceEquation(WaveEquation):
             m3/s.
         """
         conductance = self.settings.gravity * self.depth
-        load = self._spread(conductance * self.elements.gradient_of(potential))
+        load = self.divergence(conductance * self.elements.gradient_of(potential))
         load -= self._flux_of(symbols, potential)
         return load / self._row_scale(symbols)
 
@@ -212,12 +210,6 @@ class GwceEquation(WaveEquation):
         weight = self.elements.mean(self.tau0)
         return self.elements.area * (symbols.second + symbols.first * weight)
 
-    def _spread(self, flux: np.ndarray) -> np.ndarray:
-        """(2, n_triangles) flux -> (n_points,) its product with the test gradients."""
-        elements = self.elements
-        gx, gy = elements.gradient
-        return elements.scatter(elements.area * (gx * flux[0] + gy * flux[1]))
-
     def _flux_of(self, symbols: GwceSymbols, elevation: np.ndarray) -> np.ndarray:
         """What the velocities under a surface add to the wave equation."""
         elements = self.elements
@@ -232,7 +224,7 @@ class GwceEquation(WaveEquation):
             force[0] += self._element_coriolis * mean[1]
             force[1] -= self._element_coriolis * mean[0]
         rise = (elements.gradient_of(self.tau0) * mean).sum(axis=0)
-        return self._spread(force) + elements.scatter(
+        return self.divergence(force) + elements.scatter(
             np.tile(elements.area * rise / 3.0, 3)
         )
 
@@ -391,26 +383,29 @@ def solve_gwce(
     )
     if symbols is None:
         symbols = [symbols_for(frequency, settings) for frequency in forcing.frequency]
-    n_c, n = len(forcing.names), len(mesh.points)
-    elevation = np.empty((n_c, n), dtype=np.complex128)
-    velocity = np.empty((n_c, n, 2), dtype=np.complex128)
-    for k in range(n_c):
-        wave = equation.factorise(symbols[k])
-        elevation[k] = wave.elevation(forcing.elevation[k])
-        surface = elevation[k]
-        if forcing.potential is not None:
-            load = equation.potential_load(symbols[k], forcing.potential[k])
-            elevation[k] += wave.respond(load)
-            surface = elevation[k] - forcing.potential[k]
-        # The factors are by far the largest thing in memory.
-        del wave
-        velocity[k] = nodal_velocity(equation, surface, symbols[k])
-        report((k + 1) / n_c)
+    n_c = len(forcing.names)
+    threads = min(settings.threads, n_c)
+    done = iter(range(1, n_c + 1))
+
+    def solve_one(k: int) -> tuple[np.ndarray, np.ndarray]:
+        potential = None if forcing.potential is None else forcing.potential[k]
+        load = None
+        if potential is not None:
+            load = equation.potential_load(symbols[k], potential)
+        # The factors, by far the largest thing in memory, are let go of at once.
+        wave = equation.factorise(symbols[k]).elevation(forcing.elevation[k], load)
+        velocity = nodal_velocity(equation, wave, symbols[k], potential)
+        if threads <= 1:
+            report(next(done) / n_c)
+        return wave, velocity
+
+    solved = each(solve_one, range(n_c), threads)
+    report(1.0)
     return TideSolution(
         names=tuple(forcing.names),
         frequency=forcing.frequency,
-        elevation=elevation,
-        velocity=velocity,
+        elevation=np.stack([row[0] for row in solved]),
+        velocity=np.stack([row[1] for row in solved]),
         friction=equation.friction,
         gravity=settings.gravity,
         coriolis=equation.coriolis,
@@ -434,6 +429,14 @@ def _scaled_sum(
         factor[first.indices] * matrix.data for factor, matrix in zip(factors, matrices)
     )
     return sparse.csc_array((data, first.indices, first.indptr), shape=first.shape)
+
+
+def _check_scalar(equation: GwceEquation) -> None:
+    if equation._element_friction.ndim > 1:
+        raise InputError(
+            "ADCIRC's wave continuity equation takes friction as one number a node, "
+            "not as a tensor"
+        )
 
 
 def _checked_weight(tau0: float | np.ndarray, n_points: int) -> np.ndarray:
