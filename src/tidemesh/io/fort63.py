@@ -13,12 +13,14 @@ import gzip
 import warnings
 import zlib
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 import numpy as np
+from netCDF4 import Dataset
 
 from tidemesh.datatypes._arrays import FloatArray, own_fields
 from tidemesh.errors import FormatError, InputError
@@ -127,14 +129,14 @@ def iterate_fort63(
     path: str | Path, *, keep_complete: bool = False
 ) -> Iterator[Record]:
     """Elevations record by record, for files larger than the memory."""
-    return _records(Path(path), 1, keep_complete)
+    return _iterate(Path(path), 1, keep_complete)
 
 
 def iterate_fort64(
     path: str | Path, *, keep_complete: bool = False
 ) -> Iterator[Record]:
     """Velocities record by record, for files larger than the memory."""
-    return _records(Path(path), 2, keep_complete)
+    return _iterate(Path(path), 2, keep_complete)
 
 
 def _read(
@@ -147,44 +149,55 @@ def _read(
 ) -> NodalSeries:
     wanted = None if nodes is None else np.asarray(nodes, dtype=np.int64)
     times, values = [], []
-    count = 0
-    for record in _records(path, components, keep_complete, start_s, end_s):
-        count = len(record.values)
-        if wanted is not None and ((wanted < 0) | (wanted >= count)).any():
-            raise InputError(f"{path}: has {count} nodes, index {wanted.max()} is none")
-        if record.time > end_s:
-            break
-        if record.time >= start_s:
-            times.append(record.time)
-            # A copy, so that the rest of the record does not stay in memory.
-            values.append(record.values if wanted is None else record.values[wanted])
-    if wanted is not None:
-        count = len(wanted)
+    window = start_s, end_s
+    with _opened(path, components, keep_complete, window) as (count, labels, records):
+        if wanted is not None:
+            if ((wanted < 0) | (wanted >= count)).any():
+                raise InputError(
+                    f"{path}: has {count} nodes, index {wanted.max()} is none"
+                )
+            count = len(wanted)
+        for record in records:
+            if record.time > end_s:
+                break
+            if record.time >= start_s:
+                times.append(record.time)
+                # A part is a copy: the rest of the record is let go.
+                values.append(
+                    record.values if wanted is None else record.values[wanted]
+                )
     shape = (len(times), count) if components == 1 else (len(times), count, 2)
-    base_date, names = _labels(path)
-    return NodalSeries(
-        np.array(times), np.array(values).reshape(shape), base_date, names
-    )
+    return NodalSeries(np.array(times), np.array(values).reshape(shape), *labels)
 
 
-def _records(
-    path: Path,
-    components: int,
-    keep_complete: bool,
-    start_s: float = -np.inf,
-    end_s: float = np.inf,
-) -> Iterator[Record]:
-    """Records; of a NetCDF file only those between the times."""
+def _iterate(path: Path, components: int, keep_complete: bool) -> Iterator[Record]:
+    with _opened(path, components, keep_complete, (-np.inf, np.inf)) as (_, _, records):
+        yield from records
+
+
+@contextmanager
+def _opened(
+    path: Path, components: int, keep_complete: bool, window: tuple[float, float]
+) -> Iterator[tuple[int, tuple, Iterator[Record]]]:
+    """Number of nodes, base date and names, and the records.
+
+    Text gives all records, NetCDF those in the window of times.
+    """
     if adcirc_netcdf.is_netcdf(path):
-        yield from _netcdf_records(path, components, keep_complete, start_s, end_s)
+        with adcirc_netcdf.opened(path) as data:
+            file = _NetCDF(path, data, components, keep_complete)
+            yield file.count, file.labels, file.records(*window)
         return
-    with open(path, "rb") as file:
-        packed = file.read(2) == b"\x1f\x8b"
+    with open(path, "rb") as start:
+        packed = start.read(2) == b"\x1f\x8b"
+    has_head = False
     try:
-        with gzip.open(path) if packed else open(path, "rb") as file:
-            yield from _Text(path, file, components, keep_complete).records()
+        with gzip.open(path) if packed else open(path, "rb") as lines:
+            text = _Text(path, lines, components, keep_complete)
+            has_head = True
+            yield text.count, (None, ()), text.records()
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        if not (keep_complete and isinstance(error, EOFError)):
+        if not (keep_complete and has_head and isinstance(error, EOFError)):
             raise FormatError(
                 f"the compressed file is damaged or cut off: {error}", path
             ) from error
@@ -205,22 +218,17 @@ class _Text:
         self._record = 0
         """Number of the record being read; 0 in the header."""
 
-    def records(self) -> Iterator[Record]:
-        """The records, as many as there are.
+        self._read_head()
 
-        Raises
-        ------
-        FormatError
-            If there are fewer than the header says, or one of them is damaged.
-        """
+    def _read_head(self) -> None:
         title = self._next("the title")
         if title[:3] == b"CDF" or title[:4] == b"\x89HDF":
             raise FormatError("is compressed NetCDF: decompress it first", self.path)
         text = self._next("the numbers of records and nodes")
-        announced, self._count, _, _, kind = self._numbers(
+        self._announced, self.count, _, _, kind = self._numbers(
             text, "the numbers of records and nodes, step, interval and kind", "iirii"
         )
-        if not 1 <= self._count <= _MOST_NODES or announced < 0:
+        if not 1 <= self.count <= _MOST_NODES or self._announced < 0:
             raise self._error(
                 f"expected numbers of records and of nodes (1 to {_MOST_NODES}), got "
                 f'"{_shown(text)}"'
@@ -231,6 +239,15 @@ class _Text:
                 f"expected {words[self._components]} ({self._components} value(s) a "
                 f"node), the file has {kind} a node"
             )
+
+    def records(self) -> Iterator[Record]:
+        """The records, as many as there are.
+
+        Raises
+        ------
+        FormatError
+            If there are fewer than the header says, or one of them is damaged.
+        """
         last = -np.inf
         while True:
             self._record += 1
@@ -256,10 +273,10 @@ class _Text:
             yield record
         if self._file.readline().strip():
             raise self._error("expected the time of a record, got an empty line")
-        if self._record - 1 < announced and not self._keep:
+        if self._record - 1 < self._announced and not self._keep:
             raise self._error(
-                f"the file ends after {self._record - 1} of {announced} records; the "
-                "complete ones can be read with keep_complete"
+                f"the file ends after {self._record - 1} of {self._announced} records; "
+                "the complete ones can be read with keep_complete"
             )
 
     def _read_record(self, head: bytes) -> Record:
@@ -273,32 +290,32 @@ class _Text:
             )
         row = self._numbers(head, "time and step of a record", "riir"[: len(words)])
         if len(row) == 2:
-            listed, default = self._count, DRY
+            listed, default = self.count, DRY
         else:
             listed, default = row[2:]
-            if not 0 <= listed <= self._count:
-                raise self._error(f"expected 0 to {self._count} nodes, got {listed}")
+            if not 0 <= listed <= self.count:
+                raise self._error(f"expected 0 to {self.count} nodes, got {listed}")
         numbers, table = self._table(listed)
         if len(row) == 2:
-            if not np.array_equal(numbers, np.arange(1, self._count + 1)):
-                k = int(np.flatnonzero(numbers != np.arange(1, self._count + 1))[0])
+            if not np.array_equal(numbers, np.arange(1, self.count + 1)):
+                k = int(np.flatnonzero(numbers != np.arange(1, self.count + 1))[0])
                 raise self._error(
                     f"expected node {k + 1}, got {numbers[k]:g}",
                     self._line - listed + k + 1,
                 )
             values = table
         else:
-            good = (numbers >= 1) & (numbers <= self._count)
+            good = (numbers >= 1) & (numbers <= self.count)
             good &= np.diff(numbers, prepend=0.0) > 0.0
             good &= numbers == np.rint(numbers)
             if not good.all():
                 k = int(np.flatnonzero(~good)[0])
                 raise self._error(
-                    f"expected node numbers from 1 to {self._count} in ascending "
+                    f"expected node numbers from 1 to {self.count} in ascending "
                     f"order, got {numbers[k]:g}",
                     self._line - listed + k + 1,
                 )
-            values = np.full((self._count, self._components), default)
+            values = np.full((self.count, self._components), default)
             values[numbers.astype(np.int64) - 1] = table
         values = np.where(values == DRY, np.nan, values)
         return Record(row[0], values[:, 0] if self._components == 1 else values)
@@ -373,59 +390,57 @@ def _plain(content: bytes, count: int) -> np.ndarray | None:
     return values if len(values) == count and np.isfinite(values).all() else None
 
 
-def _netcdf_records(
-    path: Path, components: int, keep_complete: bool, start_s: float, end_s: float
-) -> Iterator[Record]:
-    with adcirc_netcdf.opened(path) as data:
-        dimension = "station" if "station" in data.dimensions else "node"
-        time = np.array(adcirc_netcdf.numbers(data, "time", ("time",), path)[:])
-        variables = [
-            adcirc_netcdf.numbers(data, name, ("time", dimension), path)
+class _NetCDF:
+    """A NetCDF file: variables over time and nodes or stations."""
+
+    def __init__(self, path: Path, data: Dataset, components: int, keep_complete: bool):
+        self._path = path
+        place = "station" if "station" in data.dimensions else "node"
+        time = adcirc_netcdf.numbers(data, "time", ("time",), path)
+        self._time = np.array(time[:], dtype=np.float64)
+        self._variables = [
+            adcirc_netcdf.numbers(data, name, ("time", place), path)
             for name in _VARIABLES[components]
         ]
-        complete = _complete(time)
-        if complete < len(time) and not keep_complete:
+        self.count = int(self._variables[0].shape[1])
+        date = str(getattr(time, "base_date", "")).split("!")[0].strip()
+        units = str(getattr(time, "units", ""))
+        if not date and " since " in units:
+            date = units.split(" since ", 1)[1].strip()
+        self.labels = date or None, adcirc_netcdf.names(data, "station_name")
+        complete = _complete(self._time)
+        if complete < len(self._time) and not keep_complete:
             raise FormatError(
-                f"record {complete + 1}: the time {time[complete]:g} s does not come "
-                "after the one before: the file was cut off (a crash, or the model "
-                "still runs); the complete records can be read with keep_complete",
+                f"record {complete + 1}: the time {self._time[complete]:g} s does not "
+                "come after the one before: the file was cut off (a crash, or the "
+                "model still runs); the complete records can be read with "
+                "keep_complete",
                 path,
             )
-        count = variables[0].shape[1]
-        block = max(1, _NETCDF_BLOCK // max(count, 1))
-        first = int(np.searchsorted(time[:complete], start_s, side="left"))
-        last = int(np.searchsorted(time[:complete], end_s, side="right"))
+        self._time = self._time[:complete]
+
+    def records(self, start_s: float, end_s: float) -> Iterator[Record]:
+        """The records between two times."""
+        first = int(np.searchsorted(self._time, start_s, side="left"))
+        last = int(np.searchsorted(self._time, end_s, side="right"))
+        block = max(1, _NETCDF_BLOCK // max(self.count, 1))
         for begin in range(first, last, block):
             end = min(begin + block, last)
             parts = [
                 adcirc_netcdf.without_dry(
                     variable[begin:end],
                     f'"{variable.name}" (from record {begin + 1})',
-                    path,
+                    self._path,
                 )
-                for variable in variables
+                for variable in self._variables
             ]
-            values = parts[0] if components == 1 else np.stack(parts, axis=-1)
-            for k in range(begin, end):
-                yield Record(float(time[k]), values[k - begin].copy())
+            values = parts[0] if len(parts) == 1 else np.stack(parts, axis=-1)
+            for time, table in zip(self._time[begin:end], values):
+                yield Record(float(time), table)
 
 
 def _complete(time: np.ndarray) -> int:
     """How many times are there and ascend."""
     good = np.isfinite(time) & (np.abs(time) < 1.0e30)
-    good &= np.diff(time, prepend=-np.inf) > 0.0
+    good[1:] &= good[:-1] & (np.diff(np.where(good, time, 0.0)) > 0.0)
     return len(time) if good.all() else int(np.flatnonzero(~good)[0])
-
-
-def _labels(path: Path) -> tuple[str | None, tuple[str, ...]]:
-    """Base date and stations' names of a NetCDF file."""
-    if not adcirc_netcdf.is_netcdf(path):
-        return None, ()
-    with adcirc_netcdf.opened(path) as data:
-        time = data.variables["time"]
-        date = str(getattr(time, "base_date", "")).strip()
-        if not date and " since " in str(getattr(time, "units", "")):
-            date = str(time.units).split(" since ", 1)[1].strip()
-        return date.split("!")[0].strip() or None, adcirc_netcdf.names(
-            data, "station_name"
-        )
