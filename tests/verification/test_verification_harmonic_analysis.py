@@ -81,6 +81,35 @@ def test_greenwich_phase_of_the_moon():
     assert_allclose(table.elevation[0, 0], np.exp(-1j * np.radians(100)), atol=2e-3)
 
 
+def test_annual_and_daily_tides_have_the_arguments_of_noaa():
+    # Schureman: V of SA is the mean longitude of the sun (280.466 degrees at the noon
+    # that began the year 2000), that of S1 the hour angle of the mean sun.
+    time = START + np.arange(0.0, 800 * DAY, 3 * HOUR)
+    century = (time - datetime(2000, 1, 1, 12, tzinfo=UTC).timestamp()) / (36525 * DAY)
+    sun = np.radians(280.46646 + 36000.76983 * century)
+    hour_angle = 2 * np.pi * (time - START) / DAY + np.pi
+    level = 0.1 * np.cos(sun - np.radians(173)) + 0.02 * np.cos(hour_angle - 1.0)
+    table = harmonic_analysis(record(time, level), ["SA", "S1"])
+    expected = [0.1 * np.exp(-1j * np.radians(173)), 0.02 * np.exp(-1j)]
+    assert_allclose(table.elevation[:, 0], expected, atol=3e-4)
+
+
+def test_nodal_factors_of_2mk3_are_those_of_its_name():
+    from utide._ut_constants import constit_index_dict
+    from utide.harmonics import FUV
+
+    time = hourly(40)
+    days = time / DAY + datetime(1970, 1, 1).toordinal()
+    index = np.array([constit_index_dict[name] for name in ("M2", "K1")])
+    f, u, v = FUV(days, days.mean(), index, 32.78, [False] * 4)
+    argument = 2 * np.pi * ((u + v) @ [2, -1])
+    level = 0.03 * f[:, 0] ** 2 * f[:, 1] * np.cos(argument - np.radians(50))
+    table = harmonic_analysis(record(time, level), ["2MK3"])
+    assert_allclose(
+        table.elevation[0, 0], 0.03 * np.exp(-1j * np.radians(50)), atol=2e-4
+    )
+
+
 def test_gaps_uneven_times_names_of_noaa_and_trend():
     rng = np.random.default_rng(3)
     time = hourly(100) + rng.uniform(0, 1800, 2400)

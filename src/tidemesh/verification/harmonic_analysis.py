@@ -18,14 +18,15 @@ UTIDE_NAMES = {
     "LAM2": "LDA2",
     "M1": "NO1",
     "RHO": "RHO1",
-    # 2 MK3 and MO3 turn at one speed, 2 M2 - K1 = M2 + O1, and differ in their nodal
-    # factors; the second is the one that UTide knows.
+    # One speed, 2 M2 - K1 = M2 + O1; see `_to_noaa` for their nodal factors.
     "2MK3": "MO3",
 }
 """Names of UTide where they differ from those of NOAA, which this program uses."""
 
 STEADY = "STEADY"
 _HOUR, _DAY = 3600.0, 86400.0
+_UTIDE_DAY_OF_1970 = 719163.0
+"""Days of 1970-01-01 from the day before year 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,8 +109,9 @@ def analyse(
     Codiga, D. L. (2011), Unified tidal analysis and prediction using the UTide Matlab
     functions, Technical Report 2011-01, University of Rhode Island. The nodal
     corrections and the equilibrium argument are those of every single time ("exact"),
-    not of the middle of the record. Constituents that are left out of `names` stay in
-    the residual and leak into those of nearly the same speed.
+    not of the middle of the record. UTide knows no nodal factors of MM, MF and MSF.
+    Constituents that are left out of `names` stay in the residual and leak into those
+    of nearly the same speed.
     """
     latitude = record.latitude_deg if latitude_deg is None else float(latitude_deg)
     known = np.isfinite(record.time) & np.isfinite(record.elevation)
@@ -155,6 +157,11 @@ def analyse(
         )
         for name, k in zip(fitted, order)
     }
+    middle = 0.5 * (time[0] + time[-1])
+    values = {
+        name: value * _to_noaa(name, middle, latitude, nodal)
+        for name, value in values.items()
+    }
     mean = float(coefficients.mean)
     values[STEADY] = complex(mean)
     slope = float(coefficients.slope) if trend else 0.0
@@ -189,6 +196,35 @@ def _utide() -> ModuleType:
 
 def _utide_name(name: str) -> str:
     return UTIDE_NAMES.get(name, name)
+
+
+def _to_noaa(name: str, second: float, latitude: float, nodal: bool) -> complex:
+    """From a constant of UTide to that of NOAA, where their arguments differ.
+
+    The signal is Re(constant * E) with E = f exp(i (V + u)), so it is the ratio of the
+    two E; these change by degrees in decades, and the middle of the record will do.
+    """
+    if name not in ("SA", "S1", "2MK3"):
+        return 1.0
+
+    from utide._ut_constants import constit_index_dict
+    from utide.astronomy import ut_astron
+    from utide.harmonics import FUV
+
+    days = np.array([second / _DAY + _UTIDE_DAY_OF_1970])
+
+    def argument(utide_name: str) -> complex:
+        index = np.array([constit_index_dict[utide_name]])
+        f, u, v = FUV(days, days[0], index, latitude, [False, not nodal, False, False])
+        return complex(f[0, 0] * np.exp(2j * np.pi * (u + v)[0, 0]))
+
+    if name == "S1":
+        # The hour angle of the mean sun and nothing else.
+        return argument("S1") / np.exp(2j * np.pi * (days[0] + 0.5))
+    if name == "2MK3":
+        return argument("MO3") / (argument("M2") ** 2 * np.conj(argument("K1")))
+    # UTide counts the longitude of the sun from its perigee, the last of its six.
+    return complex(np.exp(-2j * np.pi * ut_astron(days)[0][5, 0]))
 
 
 # ---- what a record can tell ------------------------------------------------------
