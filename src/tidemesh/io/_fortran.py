@@ -17,6 +17,9 @@ import numpy as np
 from tidemesh.errors import FormatError, InputError
 from tidemesh.io.files import atomic
 
+MOST_NODES = 200_000_000
+"""More nodes than any mesh has: the number is damaged."""
+
 logger = logging.getLogger(__name__)
 
 _REAL = re.compile(

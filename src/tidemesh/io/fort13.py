@@ -10,7 +10,7 @@ import numpy as np
 from tidemesh.datatypes import CoastalMesh
 from tidemesh.datatypes._arrays import FloatArray, own
 from tidemesh.errors import InputError
-from tidemesh.io._fortran import Records, read_bytes, writing
+from tidemesh.io._fortran import MOST_NODES, Records, read_bytes, writing
 
 _MOST_VALUES = 1000
 """More values a node than any attribute has: the number is damaged."""
@@ -86,6 +86,8 @@ def read_fort13(path: str | Path, mesh: CoastalMesh | None = None) -> NodalAttri
     lines = Records(path, read_bytes(path))
     title = lines.text("the title")
     n_points = lines.count("the number of nodes")
+    if n_points > MOST_NODES:
+        raise lines.error(f"expected at most {MOST_NODES} nodes, got {n_points}")
     if mesh is not None and n_points != len(mesh.points):
         raise lines.error(
             f"has {n_points} nodes, the mesh has {len(mesh.points)}: this fort.13 does "

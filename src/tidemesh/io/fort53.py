@@ -17,7 +17,7 @@ from tidemesh.datatypes import TideSolution
 from tidemesh.errors import FormatError
 from tidemesh.io import _adcirc_netcdf as adcirc_netcdf
 from tidemesh.io._adcirc_netcdf import DRY
-from tidemesh.io._fortran import read_bytes, real, writing
+from tidemesh.io._fortran import read_bytes, real, whole, writing
 
 _VARIABLES = {
     ("node", 1): (("amp", "phs"),),
@@ -222,11 +222,21 @@ def _words(lines: list[str], index: int, path: Path) -> list[str]:
 
 def _count(lines: list[str], index: int, what: str, path: Path) -> int:
     words = _words(lines, index, path)
-    if not words or not words[0].isdigit() or int(words[0]) == 0:
+    try:
+        count = whole(words[0]) if words else 0
+    except ValueError:
+        count = 0
+    if count < 1:
         raise FormatError(
             f'expected {what}, got "{lines[index].strip()}"', path, index + 1
         )
-    return int(words[0])
+    if count > len(lines):
+        raise FormatError(
+            f"the file ends early: {count} is {what}, the file has {len(lines)} lines",
+            path,
+            len(lines),
+        )
+    return count
 
 
 def _read_netcdf(path: Path, place: str, components: int) -> HarmonicConstants:

@@ -26,10 +26,7 @@ from tidemesh.datatypes._arrays import FloatArray, own_fields
 from tidemesh.errors import FormatError, InputError
 from tidemesh.io import _adcirc_netcdf as adcirc_netcdf
 from tidemesh.io._adcirc_netcdf import DRY
-from tidemesh.io._fortran import real, whole
-
-_MOST_NODES = 200_000_000
-"""More nodes than any mesh has: the number is damaged."""
+from tidemesh.io._fortran import MOST_NODES, real, whole
 
 _VARIABLES = {1: ("zeta",), 2: ("u-vel", "v-vel")}
 """Names in NetCDF files by the number of components."""
@@ -228,9 +225,9 @@ class _Text:
         self._announced, self.count, _, _, kind = self._numbers(
             text, "the numbers of records and nodes, step, interval and kind", "iirii"
         )
-        if not 1 <= self.count <= _MOST_NODES or self._announced < 0:
+        if not 1 <= self.count <= MOST_NODES or self._announced < 0:
             raise self._error(
-                f"expected numbers of records and of nodes (1 to {_MOST_NODES}), got "
+                f"expected numbers of records and of nodes (1 to {MOST_NODES}), got "
                 f'"{_shown(text)}"'
             )
         if kind != self._components:
