@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import logging
+from functools import cache
 
 import numpy as np
 import scipy.sparse as sparse
 from scipy.sparse.linalg import splu
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from tidemesh.errors import EngineError
 from tidemesh.tides.frequency_domain import pardiso
@@ -142,7 +143,7 @@ class _SuperLU:
     def __init__(self, matrix: sparse.csc_array, *, pivoting: bool):
         options = {} if pivoting else {"SymmetricMode": True}
         try:
-            with threadpool_limits(1, "blas"):
+            with _libraries().limit(limits=1, user_api="blas"):
                 self._factors = splu(
                     matrix,
                     permc_spec="COLAMD" if pivoting else "NATURAL",
@@ -156,8 +157,14 @@ class _SuperLU:
             ) from error
 
     def solve(self, rhs: np.ndarray, *, transpose: bool) -> np.ndarray:
-        with threadpool_limits(1, "blas"):
+        with _libraries().limit(limits=1, user_api="blas"):
             return self._factors.solve(rhs, "T" if transpose else "N")
+
+
+@cache
+def _libraries() -> ThreadpoolController:
+    """The linear algebra libraries of the process: looking for them takes 3 ms."""
+    return ThreadpoolController()
 
 
 def _is_symmetric(matrix: sparse.csc_array) -> bool:
