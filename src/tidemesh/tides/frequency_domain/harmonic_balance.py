@@ -58,7 +58,9 @@ _HISTORY = 6
 _ROUGH, _ROUGH_ITERATIONS = 0.05, 6
 """Change at which the strongest constituent alone is good enough to start from."""
 
-_DIVERGED = 1.0e3
+_RUNAWAY = 100.0
+"""Root mean square elevation over that of the drive, above which no tide is."""
+
 _NODAL_SWEEPS = 30
 
 
@@ -164,6 +166,7 @@ class HarmonicBalance:
         settings = self.equation.settings
         state = self._start()
         history = _Acceleration(self._weights(), _HISTORY)
+        limit = _RUNAWAY * self.drive.strength().max()
         for self.iterations in range(1, settings.max_iterations + 1):
             if self._renew_split(state.velocity):
                 history.forget()
@@ -174,15 +177,25 @@ class HarmonicBalance:
             if self.change <= settings.tolerance:
                 self._waves.clear()
                 return state
-            if not self.change < _DIVERGED:
+            if not self._rms(state.elevation) < limit:
                 break
             state = _State(*history.next(previous, state))
+        if settings.advection:
+            advice = (
+                "leave out advection, which harmonics cannot follow in strong jets, or "
+                "use the time-domain model"
+            )
+        elif settings.finite_amplitude:
+            advice = (
+                "raise max_iterations, or the minimum depth where the water is shallow "
+                "against the tide, or leave out finite_amplitude"
+            )
+        else:
+            advice = "raise max_iterations"
         raise ConvergenceError(
             f"the nonlinear tide did not converge: after {self.iterations} iterations "
             f"the elevation still changes by {self.change:.1e} of its root mean "
-            f"square, more than the tolerance {settings.tolerance:g}; raise "
-            "max_iterations, or leave out advection, or finite_amplitude where the "
-            "water is shallow against the tide"
+            f"square, more than the tolerance {settings.tolerance:g}; {advice}"
         )
 
     def _start(self) -> _State:
@@ -285,8 +298,12 @@ class HarmonicBalance:
         return np.einsum("ikm,jkm->ijm", corners, elements.gradient).reshape(4, -1)
 
     def _change_of(self, old: np.ndarray, new: np.ndarray) -> float:
-        size = np.sqrt((np.abs(new) ** 2).sum(axis=0).mean())
+        size = self._rms(new)
         return float(np.abs(new - old).max() / size) if size > 0.0 else 0.0
+
+    @staticmethod
+    def _rms(elevation: np.ndarray) -> float:
+        return float(np.sqrt((np.abs(elevation) ** 2).sum(axis=0).mean()))
 
     def _weights(self) -> _State:
         """Square roots of the energy of a unit elevation and velocity."""
@@ -382,9 +399,10 @@ class HarmonicBalance:
         square = (np.abs(velocity) ** 2).sum(axis=1)
         work = (velocity.conj() * force).real.sum(axis=1)
         mean = 0.5 * (tensor[0] + tensor[2])
-        small = np.finfo(float).tiny
+        friction = np.broadcast_to(mean, work.shape).copy()
+        np.divide(work, square, out=friction, where=square > 0.0)
         # Where one velocity nearly vanishes, the others decide about its friction.
-        friction = np.clip(work / (square + small), 0.0, 2.0 * mean)
+        friction = np.clip(friction, 0.0, 2.0 * mean)
         friction[self.drive.strength() == 0.0] = mean
         return friction
 

@@ -121,6 +121,7 @@ def solve_with_report(
     settings = TideSettings() if settings is None else settings
     _check_forcing(mesh, forcing)
     forcing = with_overtides(forcing, settings)
+    coefficient = drag_coefficient(mesh, settings, drag)
     if symbols is not None and len(symbols) != len(forcing.names):
         raise ValueError(
             f"{len(symbols)} symbols for {len(forcing.names)} constituents"
@@ -167,7 +168,6 @@ def solve_with_report(
                 "friction of every constituent goes with linear equations; quadratic "
                 "friction finds it itself"
             )
-        coefficient = drag_coefficient(mesh, settings, drag)
         return _solve_nonlinear(equation, forcing, symbols, coefficient, report)
     if per_constituent:
         equations = [equation.with_friction(row) for row in friction]

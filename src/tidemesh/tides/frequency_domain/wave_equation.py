@@ -318,7 +318,7 @@ class FactorisedWave:
     ):
         self.equation = equation
         self._forcing = forcing
-        self._factorisation = Factorisation(interior)
+        self._factorisation = Factorisation(interior, equation.settings.solver)
 
     def elevation(
         self, open_elevation: np.ndarray, load: np.ndarray | None = None
