@@ -239,6 +239,9 @@ class GwceEquation(WaveEquation):
 
     def _assemble(self, symbols: GwceSymbols) -> sparse.csc_array:
         """Matrix of all nodes in solution order."""
+        row_scale = self._row_scale(symbols)
+        if not self.coupled:
+            return super()._assemble(symbols.plain(float(self.tau0[0])))
         elements = self.elements
         on, off = MASS[self.settings.mass]
         mass = self._element_mass(symbols)
@@ -247,13 +250,12 @@ class GwceEquation(WaveEquation):
         stiffness = gx[:, None] * gx + gy[:, None] * gy
         share = np.where(np.eye(3, dtype=bool), on, off)[:, :, None]
         matrix = self._matrix(conductance * stiffness + mass * share)
-        if self.coupled:
-            inflow = self._inflow_operators()
-            outflow = self._flux_operators(symbols)
-            for one, other in zip(inflow, outflow):
-                matrix = matrix - one @ other
+        inflow = self._inflow_operators()
+        outflow = self._flux_operators(symbols)
+        for one, other in zip(inflow, outflow):
+            matrix = matrix - one @ other
         scale = np.empty(elements.n_points, dtype=np.complex128)
-        scale[self._place] = self._row_scale(symbols)
+        scale[self._place] = row_scale
         matrix.data /= scale[matrix.indices]
         return matrix
 
