@@ -254,6 +254,7 @@ def test_across_the_seam_of_the_longitudes(tmp_path, centre):
     assert_allclose(forcing.elevation[0], smooth(*ocean), atol=1e-4)
 
 
+@pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize(
     ("write", "model", "ours", "theirs"),
     [

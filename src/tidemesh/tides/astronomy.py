@@ -43,8 +43,7 @@ _LIBRARY_NAMES = {
 _COMPOUND = {
     # The library knows this speed as MO3 = M2 + O1, whose nodal factor is another.
     "2MK3": {"M2": 2, "K1": -1},
-    # On a shelf the beat of M2 and S2, with their nodal factors; the gravitational line
-    # is a tenth of it.
+    # NOAA takes it for the beat of M2 and S2 in shallow water, with M2's nodal factor.
     "MSF": {"S2": 1, "M2": -1},
 }
 """Constituents as sums of others, where NOAA's definition is not the library's."""
