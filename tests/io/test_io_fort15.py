@@ -377,6 +377,33 @@ def test_constituents_that_contradict_each_other(path, mesh):
         fort15_forcing(control, replace(mesh, boundaries=mesh.boundaries[:2]))
     with pytest.raises(InputError, match="needs longitudes"):
         fort15_forcing(control, small_mesh())
+    with pytest.raises(InputError, match="no periodic forcing"):
+        fort15_forcing(replace(control, forcing=(), potential=()), mesh)
+
+
+def test_what_the_embedded_engines_leave_out_is_said(path, mesh, caplog):
+    control = read_text(path, CONTROL, mesh)
+    tail = "&metControl /\n&densityControl densityRunType='none' /"
+    fort15_forcing(replace(control, ntip=2, nffr=-1, namelists=tail), mesh)
+    for what in ("self-attraction", "NFFR", "densitycontrol"):
+        assert what in caplog.text
+    assert "metcontrol" not in caplog.text
+
+
+def test_decimals_come_back_as_they_were_given(path):
+    rng = np.random.default_rng(4)
+    rows = [f"{a:.8f} {g:.4f}" for a, g in rng.random((2000, 2)) * (3.0, 360.0)]
+    head, tail = CONTROL.split(ROWS_M2)
+    text = head.replace(" 2\n M2 pr", " 1\n M2 pr")
+    text = text[: text.index(" K1 ")] + " M2\n" + "\n".join(rows) + "\n"
+    text += tail[tail.index(" 90.0\n") :]
+    write_fort15(path, read_text(path, text))
+    lines = path.read_text().splitlines()
+    first = next(k for k, line in enumerate(lines) if line.endswith("ALPHA")) + 1
+    for line, row in zip(lines[first : first + len(rows)], rows, strict=True):
+        assert [float(word) for word in line.split()] == [
+            float(word) for word in row.split()
+        ]
 
 
 def test_node_of_two_strings(mesh, caplog):

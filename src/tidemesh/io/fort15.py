@@ -384,6 +384,13 @@ def fort15_forcing(control: ControlFile, mesh: CoastalMesh) -> TideForcing:
         argument.append(row.argument_deg)
         elevation.append(np.zeros(len(nodes), dtype=np.complex128))
         potential = np.concatenate([potential, part[None]])
+    if not names:
+        raise InputError(
+            "the fort.15 has no periodic forcing (NBFR and NTIF are 0); elevations of "
+            "a fort.19 are not supported"
+        )
+    if control.nffr is not None:
+        logger.warning("the flow through river boundaries (NFFR) is left out")
     if control.ntip == 2:
         logger.warning("self-attraction and loading (NTIP 2, fort.24) are left out")
     for name in control.namelist_names:
@@ -916,8 +923,10 @@ def _written(control: ControlFile) -> list[str]:
         text = " ".join(v if isinstance(v, str) else text_of(v) for v in values)
         lines.append(f" {text:<37s} ! {comment}")
 
-    add("RUNDES", control.run_description)
-    add("RUNID", control.run_id)
+    # Without a comment: ADCIRC copies these lines into its output.
+    lines += [
+        " " + " ".join(t.split()) for t in (control.run_description, control.run_id)
+    ]
     add("NFOVER", control.nfover)
     add("NABOUT", control.nabout)
     add("NSCREEN", control.nscreen)
@@ -1047,6 +1056,6 @@ def _pairs(values: np.ndarray) -> list[tuple[str, str]]:
     lag = np.round(np.degrees(-np.angle(values)) % 360.0, 12)
     lag[lag >= 360.0] = 0.0
     return [
-        (f"{size:.14g}", repr(angle))
+        (f"{size:.15g}", repr(angle))
         for size, angle in zip(np.abs(values).tolist(), lag.tolist())
     ]
