@@ -309,14 +309,29 @@ class GwceEquation(WaveEquation):
     @cached_property
     def _pattern(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Where the nine entries of a triangle go, in columns of the matrix."""
-        corners = self._place[self.elements.corners].astype(np.int64)
+        tails = self._place[self.elements.corners].astype(np.int64)
+        heads = np.roll(tails, -1, axis=0)
         n = self.elements.n_points
-        keys, slots = np.unique(
-            (corners[None] * n + corners[:, None]).ravel(), return_inverse=True
+        # The diagonal, the sides from lower to higher numbers, and back.
+        keys, side = np.unique(
+            np.minimum(tails, heads) * n + np.maximum(tails, heads), return_inverse=True
         )
-        column, row = np.divmod(keys, n)
-        starts = np.searchsorted(column, np.arange(n + 1))
-        return slots, row.astype(np.int32), starts.astype(np.int32)
+        low, high = np.divmod(keys, n)
+        node, size = np.arange(n), n + 2 * len(keys)
+        ends = np.concatenate([node, low, high]), np.concatenate([node, high, low])
+        columns = sparse.csc_array((np.arange(size), ends), shape=(n, n))
+        slot = np.empty(size, dtype=np.int64)
+        slot[columns.data] = np.arange(size)
+
+        side = n + side.reshape(tails.shape)
+        forth = slot[np.where(tails < heads, side, side + len(keys))]
+        back = slot[np.where(tails < heads, side + len(keys), side)]
+        slots = np.empty((3, *tails.shape), dtype=np.int64)
+        for k in range(3):
+            after = (k + 1) % 3
+            slots[k, k] = slot[tails[k]]
+            slots[k, after], slots[after, k] = forth[k], back[k]
+        return slots.ravel(), columns.indices, columns.indptr
 
     def _number_unknowns(self) -> tuple[np.ndarray, int]:
         """Place of every node in solution order: free nodes first, open nodes last."""
