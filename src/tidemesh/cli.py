@@ -1,11 +1,12 @@
-"""The command line: ``tidemesh run``, ``init`` and ``info``."""
+"""The command line: one command a purpose, one function of the pipeline each."""
 
 from __future__ import annotations
 
 import json
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -76,14 +77,8 @@ def run(
     A second run goes on at the first stage whose inputs have changed.
     """
     from tidemesh.pipeline.run import run_case
-    from tidemesh.pipeline.runner import SilentReporter
 
-    reporter: Any = SilentReporter()
-    if not quiet:
-        from tidemesh.pipeline.progress import RichReporter
-
-        reporter = RichReporter()
-    with reporter if not quiet else _nothing():
+    with _reporting(quiet) as reporter:
         result = run_case(
             case, output=output, until=until, overrides=overrides, reporter=reporter
         )
@@ -91,6 +86,190 @@ def run(
         click.echo(json.dumps(result.summary, indent=2))
     elif not quiet:
         _print_summary(result)
+
+
+_MESH = click.Path(path_type=Path)
+_SET = click.option(
+    "--set",
+    "overrides",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Replace a setting, for instance tide.friction=0.001; repeatable.",
+)
+_QUIET = click.option("--quiet", "-q", is_flag=True, help="Print nothing but errors.")
+_JSON = click.option("--json", "as_json", is_flag=True, help="Print the summary.")
+
+
+def _output(required: bool = True) -> Callable:
+    return click.option(
+        "--output",
+        "-o",
+        type=click.Path(path_type=Path),
+        required=required,
+        help="Folder for the results.",
+    )
+
+
+@app.command()
+@click.argument("mesh", type=_MESH)
+@click.option("--fort15", type=_MESH, help="Forcing and physics of an ADCIRC case.")
+@click.option("--fort13", type=_MESH, help="Its nodal attributes [default: beside it].")
+@click.option("--case", type=_MESH, help="Case file: its sections tide and forcing.")
+@click.option(
+    "--table", type=_MESH, help="Harmonic constants along the ocean boundary (CSV)."
+)
+@_output()
+@_SET
+@_QUIET
+@_JSON
+def solve(
+    mesh: Path,
+    fort15: Path | None,
+    fort13: Path | None,
+    case: Path | None,
+    table: Path | None,
+    output: Path,
+    overrides: tuple[str, ...],
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    """Solve the tide on a MESH (fort.14 or UGRID) in the frequency domain.
+
+    Writes tide.nc, fort.53, fort.54 and summary.json. With --fort15 the constituents,
+    boundary values, friction, rotation and coordinates are those of an ADCIRC case,
+    and so is the discretisation where the run is linear.
+    """
+    from tidemesh.pipeline.solve import solve_mesh
+
+    with _reporting(quiet) as reporter:
+        reporter.start("tide", 0, 1)
+        summary = solve_mesh(
+            mesh,
+            output=output,
+            fort15=fort15,
+            fort13=fort13,
+            case=case,
+            table=table,
+            overrides=overrides,
+            progress=reporter.update,
+        )
+        reporter.finish("tide", summary["seconds"], False)
+    if as_json:
+        click.echo(json.dumps(summary, indent=2))
+    elif not quiet:
+        click.echo(_tide_lines(summary, output))
+
+
+@app.command()
+@click.argument("mesh", type=_MESH)
+@click.argument("solution", type=_MESH)
+@click.option("--nodes", type=int, help="Node budget of the sizes and the new mesh.")
+@click.option("--remesh", is_flag=True, help="Mesh the same water again.")
+@_output()
+@_SET
+@_QUIET
+@_JSON
+def estimate(
+    mesh: Path,
+    solution: Path,
+    nodes: int | None,
+    remesh: bool,
+    output: Path,
+    overrides: tuple[str, ...],
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    """Measure where a model errs: a MESH and its SOLUTION to error.nc and size.nc.
+
+    SOLUTION is a fort.53 (the fort.54 is looked for beside it), a NetCDF file of
+    `tidemesh solve`, or a folder with one of them. With --remesh also mesh.14 and the
+    tide on it.
+    """
+    from tidemesh.pipeline.existing import estimate as run_estimate
+
+    if nodes is not None:
+        overrides = (*overrides, f"sizing.nodes={nodes}")
+    with _reporting(quiet) as reporter:
+        result = run_estimate(
+            mesh,
+            solution,
+            output=output,
+            remesh=remesh,
+            overrides=overrides,
+            reporter=reporter,
+        )
+    if as_json:
+        click.echo(json.dumps(result.summary, indent=2))
+    elif not quiet:
+        _print_summary(result)
+
+
+@app.command()
+@click.argument("solution", type=_MESH)
+@click.option("--mesh", type=_MESH, help="fort.14 of the solution, for a fort.53.")
+@click.option(
+    "--gauges",
+    type=_MESH,
+    help="Harmonic constants at gauges [default: NOAA's of South Carolina].",
+)
+@click.option("--constituents", help="Names with commas [default: all in both].")
+@click.option("--observed", type=_MESH, help="Observed water levels (CSV, CO-OPS).")
+@click.option("--modelled", type=_MESH, help="Levels of a simulation at stations.")
+@click.option("--station", help="The one gauge whose levels are compared.")
+@click.option("--start", help="First day of the levels, for instance 1998-03-16.")
+@click.option("--end", help="Last day of the levels.")
+@click.option("--farthest-km", default=3.0, show_default=True, help="Gauge from mesh.")
+@click.option("--no-figures", is_flag=True, help="Write tables only.")
+@_output()
+@_QUIET
+@_JSON
+def verify(
+    solution: Path,
+    mesh: Path | None,
+    gauges: Path | None,
+    constituents: str | None,
+    observed: Path | None,
+    modelled: Path | None,
+    station: str | None,
+    start: str | None,
+    end: str | None,
+    farthest_km: float,
+    no_figures: bool,
+    output: Path,
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    """Compare a SOLUTION with gauges: harmonic constants, and water levels.
+
+    SOLUTION is a folder of `tidemesh run`, `solve` or `simulate`, a NetCDF file of
+    theirs, or a fort.53 (with --mesh). With --start and --end the levels of a time are
+    compared: with --observed, or else with the astronomical tide of the gauge.
+    """
+    from tidemesh.pipeline.verify import verify as run_verify
+
+    result = run_verify(
+        solution,
+        output=output,
+        mesh=mesh,
+        gauges=gauges,
+        constituents=constituents.split(",") if constituents else None,
+        observed=observed,
+        modelled=modelled,
+        station=station,
+        start=start,
+        end=end,
+        farthest_m=1e3 * farthest_km,
+        figures=not no_figures,
+    )
+    if as_json:
+        click.echo((output / "verification.json").read_text(encoding="utf-8"))
+    elif not quiet:
+        click.echo(result.constants.as_text())
+        for record in result.records:
+            click.echo(record.as_text())
+        for one in result.left_out:
+            click.echo(f"left out: {one.gauge}: {one.reason}")
+        click.echo(f"results in {output}")
 
 
 @app.command()
@@ -142,12 +321,27 @@ def _print_summary(result: Any) -> None:
     click.echo("\n".join(lines))
 
 
-class _nothing:
-    def __enter__(self) -> None:
-        return None
+def _tide_lines(summary: dict[str, Any], output: Path) -> str:
+    lines = [f"results in {output}", f"{summary['nodes']} nodes"]
+    for name in summary["constituents"]:
+        found = summary["tide"][name]
+        lines.append(f"  {name:<6} up to {found['largest_amplitude_m']:.4f} m")
+    lines += [f"  note: {note}" for note in summary.get("left_out", [])]
+    return "\n".join(lines)
 
-    def __exit__(self, *exception: object) -> None:
-        return None
+
+@contextmanager
+def _reporting(quiet: bool) -> Iterator[Any]:
+    """A reporter that draws progress, or says nothing."""
+    if quiet:
+        from tidemesh.pipeline.runner import SilentReporter
+
+        yield SilentReporter()
+        return
+    from tidemesh.pipeline.progress import RichReporter
+
+    with RichReporter() as reporter:
+        yield reporter
 
 
 def main(arguments: list[str] | None = None) -> int:

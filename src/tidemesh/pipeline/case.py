@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,20 +17,51 @@ from tidemesh.errors import FormatError, InputError
 from tidemesh.hierarchy.settings import HierarchySettings
 from tidemesh.improve.settings import ImproveSettings
 from tidemesh.sizing.settings import SizingSettings
+from tidemesh.tides.adcirc.settings import AdcircSettings
 from tidemesh.tides.settings import TideSettings
 from tidemesh.truncation.settings import TruncationSettings
 
 _STRICT = {"frozen": True, "kw_only": True, "forbid_unknown_fields": True}
 
 
-class ForcingSettings(msgspec.Struct, **_STRICT):
-    """Where the tide on the ocean boundary comes from."""
+class AtlasSettings(msgspec.Struct, **_STRICT):
+    """A global atlas that the user owns, read through pyTMD."""
+
+    directory: str
+    """Folder of the atlas files, as pyTMD expects them below it."""
+    model: str
+    """Name in pyTMD's data base, for instance "GOT5.5", "FES2014", "TPXO9-atlas-v5"."""
+
+
+class GaugeFitSettings(msgspec.Struct, **_STRICT):
+    """Boundary values fitted to harmonic constants at coastal gauges."""
 
     table: str
+    """Table of harmonic constants at the gauges."""
+    smoothness: Annotated[float, msgspec.Meta(gt=0.0)] | None = None
+    """Weight of the smoothness of the boundary values; left out: the weight with the
+    least leave-one-out error."""
+
+
+class ForcingSettings(msgspec.Struct, **_STRICT):
+    """Where the tide on the ocean boundary comes from: table, atlas or gauges."""
+
+    table: str | None = None
     """Table of harmonic constants: longitude, latitude, constituent, amplitude (m),
-    Greenwich phase (degrees)."""
+    Greenwich phase (degrees). Beside ``from_gauges``, the first guess."""
+    atlas: AtlasSettings | None = None
+    """A global atlas instead of a table."""
+    from_gauges: GaugeFitSettings | None = None
+    """Fitted to gauges on the coast; needs no atlas."""
     gauges: str | None = None
     """Harmonic constants at gauges, to set the solution beside; not used otherwise."""
+
+    def __post_init__(self) -> None:
+        if self.from_gauges is None and (self.table is None) == (self.atlas is None):
+            raise ValueError(
+                "forcing needs one of table, atlas and from_gauges: harmonic constants "
+                "on the ocean boundary, a global atlas, or gauges on the coast"
+            )
 
 
 class OutputSettings(msgspec.Struct, **_STRICT):
@@ -49,6 +80,7 @@ class Case(msgspec.Struct, **_STRICT):
     depth: DepthSettings
     forcing: ForcingSettings
     tide: TideSettings = TideSettings()
+    adcirc: AdcircSettings = AdcircSettings()
     truncation: TruncationSettings = TruncationSettings()
     sizing: SizingSettings = SizingSettings()
     hierarchy: HierarchySettings = HierarchySettings()
@@ -79,6 +111,22 @@ def read_case(path: str | Path, overrides: Sequence[str] = ()) -> Case:
     FormatError
         If the file is not TOML.
     """
+    data, text = read_toml(path, overrides)
+    return decode_case(data, name=str(path), text=text)
+
+
+def read_toml(
+    path: str | Path, overrides: Sequence[str] = ()
+) -> tuple[dict[str, Any], str]:
+    """Read a case file into plain dictionaries, and its text for messages.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or cannot be read, or an override is not written so.
+    FormatError
+        If the file is not TOML.
+    """
     path = Path(path)
     try:
         text = path.read_text(encoding="utf-8")
@@ -94,13 +142,26 @@ def read_case(path: str | Path, overrides: Sequence[str] = ()) -> Case:
         found = re.search(r"\(at line (\d+)", str(error))
         line = int(found[1]) if found else None
         raise FormatError(f"not valid TOML: {error}", path, line) from None
+    apply_overrides(data, overrides)
+    return data, text
+
+
+def apply_overrides(data: dict[str, Any], overrides: Sequence[str]) -> None:
+    """Replace single values of a case, "section.key=value", in place.
+
+    Raises
+    ------
+    InputError
+        If one is not written so.
+    """
     for override in overrides:
         _apply(data, override)
-    return decode_case(data, name=str(path), text=text)
 
 
-def decode_case(data: dict[str, Any], *, name: str = "case", text: str = "") -> Case:
-    """Turn plain dictionaries into a checked `Case`.
+def decode_case(
+    data: dict[str, Any], *, kind: type = Case, name: str = "case", text: str = ""
+) -> Any:
+    """Turn plain dictionaries into a checked `Case`, or another struct of sections.
 
     Raises
     ------
@@ -108,9 +169,9 @@ def decode_case(data: dict[str, Any], *, name: str = "case", text: str = "") -> 
         Naming key, value, expectation and, for unknown keys, the nearest valid key.
     """
     try:
-        return msgspec.convert(data, Case)
+        return msgspec.convert(data, kind)
     except msgspec.ValidationError as error:
-        raise InputError(_explain(str(error), data, name, text)) from None
+        raise InputError(_explain(str(error), data, name, text, kind)) from None
 
 
 def _apply(data: dict[str, Any], override: str) -> None:
@@ -135,7 +196,7 @@ def _apply(data: dict[str, Any], override: str) -> None:
 # ---- messages -------------------------------------------------------------------
 
 
-def _explain(message: str, data: dict, name: str, text: str) -> str:
+def _explain(message: str, data: dict, name: str, text: str, root: type) -> str:
     """Rewrite msgspec's message with key, value, expectation and nearest key."""
     reason, _, place = message.partition(" - at `")
     steps = _steps(place.rstrip("`"))
@@ -143,7 +204,7 @@ def _explain(message: str, data: dict, name: str, text: str) -> str:
     unknown = re.search(r"unknown field `(.+)`", reason)
     if unknown:
         key = unknown[1]
-        valid = sorted(_valid_keys(steps, data))
+        valid = sorted(_valid_keys(steps, data, root))
         near = difflib.get_close_matches(key, valid, n=1, cutoff=0.5)
         hint = f'did you mean "{near[0]}"? ' if near else ""
         full = f"{dotted}.{key}" if dotted else key
@@ -164,7 +225,7 @@ def _explain(message: str, data: dict, name: str, text: str) -> str:
         except (KeyError, IndexError, TypeError):
             break
     if reason.startswith("Invalid"):
-        allowed = _allowed_values(steps, data)
+        allowed = _allowed_values(steps, data, root)
         near = difflib.get_close_matches(str(value), allowed, n=1, cutoff=0.5)
         hint = f'; did you mean "{near[0]}"?' if near else ""
         reason = "expected one of " + ", ".join(f'"{a}"' for a in allowed) + hint
@@ -208,9 +269,9 @@ def _line(text: str, steps: Sequence[str | int]) -> str:
     return f"line {best}: " if best else ""
 
 
-def _types(steps: Sequence[str | int], data: Any) -> Iterator[Any]:
+def _types(steps: Sequence[str | int], data: Any, root: type) -> Iterator[Any]:
     """Every msgspec type that the place may have, tagged unions resolved."""
-    found = [msgspec.inspect.type_info(Case)]
+    found = [msgspec.inspect.type_info(root)]
     for step in steps:
         found = [kind for one in found for kind in _expand(one, data)]
         nexts = []
@@ -244,9 +305,9 @@ def _expand(kind: Any, data: Any) -> list[Any]:
     return [kind]
 
 
-def _valid_keys(steps: Sequence[str | int], data: Any) -> set[str]:
+def _valid_keys(steps: Sequence[str | int], data: Any, root: type) -> set[str]:
     keys: set[str] = set()
-    for kind in _types(steps, data):
+    for kind in _types(steps, data, root):
         if isinstance(kind, msgspec.inspect.StructType):
             keys.update(field.encode_name for field in kind.fields)
             if kind.tag_field:
@@ -254,15 +315,15 @@ def _valid_keys(steps: Sequence[str | int], data: Any) -> set[str]:
     return keys
 
 
-def _allowed_values(steps: Sequence[str | int], data: Any) -> list[str]:
+def _allowed_values(steps: Sequence[str | int], data: Any, root: type) -> list[str]:
     allowed: list[str] = []
-    for kind in _types(steps, data):
+    for kind in _types(steps, data, root):
         if isinstance(kind, msgspec.inspect.LiteralType):
             allowed += [str(v) for v in kind.values]
     if allowed or not steps:
         return allowed
     # The tag of a union is no field of its own: list the tags instead.
-    for kind in _types(steps[:-1], {}):
+    for kind in _types(steps[:-1], {}, root):
         if isinstance(kind, msgspec.inspect.StructType) and kind.tag_field == steps[-1]:
             allowed.append(str(kind.tag))
     return allowed
@@ -279,14 +340,26 @@ def input_files(case: Case, folder: str | Path) -> dict[str, Path]:
     InputError
         If a file does not exist, naming the key.
     """
+    return find_files(_named_files(case), folder)
+
+
+def find_files(named: Iterable[tuple[str, str]], folder: str | Path) -> dict[str, Path]:
+    """Paths of (key, name), relative ones below a folder.
+
+    Raises
+    ------
+    InputError
+        If one does not exist, naming the key.
+    """
     folder = Path(folder)
     found: dict[str, Path] = {}
-    for key, name in _named_files(case):
+    for key, name in named:
         path = Path(name)
         path = path if path.is_absolute() else folder / path
-        if not path.is_file():
+        wanted = "folder" if key.endswith(".directory") else "file"
+        if not (path.is_dir() if wanted == "folder" else path.is_file()):
             raise InputError(
-                f"{key}: no such file: {path} (paths are relative to the case file)"
+                f"{key}: no such {wanted}: {path} (paths are relative to the case file)"
             )
         found[key] = path
     return found
@@ -302,6 +375,20 @@ def _named_files(case: Case) -> Iterator[tuple[str, str]]:
         yield "domain.ocean.file", ocean_file
     for index, source in enumerate(case.depth.sources):
         yield f"depth.sources[{index}].path", source.path
-    yield "forcing.table", case.forcing.table
-    if case.forcing.gauges:
-        yield "forcing.gauges", case.forcing.gauges
+    yield from tide_files(case.forcing, case.tide)
+
+
+def tide_files(
+    forcing: ForcingSettings, tide: TideSettings
+) -> Iterator[tuple[str, str]]:
+    """Files by key that the tide of a case reads."""
+    if forcing.table:
+        yield "forcing.table", forcing.table
+    if forcing.atlas:
+        yield "forcing.atlas.directory", forcing.atlas.directory
+    if forcing.from_gauges:
+        yield "forcing.from_gauges.table", forcing.from_gauges.table
+    if forcing.gauges:
+        yield "forcing.gauges", forcing.gauges
+    if tide.friction_file:
+        yield "tide.friction_file", tide.friction_file

@@ -25,7 +25,6 @@ def _drawings(context: Context) -> Mapping[str, Callable]:
     domain, base, mesh = context["domain"], context["base_grid"], context["mesh"]
     tide, check = context["tide"], context["check"]
     sizes = context["sizing"]["field"]
-    land = read_land(context, repairs=[])
     published = context.case.sizing.rule == "truncation_error"
     kind, label = (
         ("error", "truncation error (m/s²)")
@@ -35,12 +34,16 @@ def _drawings(context: Context) -> Mapping[str, Callable]:
     before, after = context["truncation"][kind], check[kind]
     draws: dict[str, Callable] = {
         "domain": lambda axis: plots.depth_contours(base, axis=axis),
-        "boundary": lambda axis: plots.boundary_before_after(land, domain, axis=axis),
         "boundary_strings": lambda axis: plots.boundary_strings(mesh, axis=axis),
         "sizes": lambda axis: plots.size_map(sizes, mesh=base, axis=axis),
         "mesh": lambda axis: plots.mesh_map(mesh, axis=axis),
         "quality": lambda axis: plots.quality_histogram(mesh, axis=axis),
     }
+    if "domain.shoreline" in context.files:
+        land = read_land(context, repairs=[])
+        draws["boundary"] = lambda axis: plots.boundary_before_after(
+            land, domain, axis=axis
+        )
     for c, name in enumerate(tide.names):
         draws[f"tide_{name}"] = lambda axis, name=name: plots.cotidal_chart(
             base, tide, name, axis=axis

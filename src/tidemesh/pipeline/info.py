@@ -34,7 +34,7 @@ def read_mesh(path: str | Path) -> CoastalMesh:
     return read_fort14(path)
 
 
-def _on_a_conformal_map(mesh: CoastalMesh) -> CoastalMesh:
+def on_a_conformal_map(mesh: CoastalMesh) -> CoastalMesh:
     """The same mesh with true angles: ADCIRC's own map stretches them off its middle.
 
     On the stereographic map lengths are right to 0.1 % within 800 km of the middle.
@@ -50,7 +50,7 @@ def _on_a_conformal_map(mesh: CoastalMesh) -> CoastalMesh:
 
 def describe_mesh(path: str | Path) -> dict[str, Any]:
     """Size, extent, depths, boundaries, quality and faults of a mesh file."""
-    mesh = _on_a_conformal_map(read_mesh(path))
+    mesh = on_a_conformal_map(read_mesh(path))
     problems = topology.check_mesh(
         mesh.points, mesh.triangles, mesh.depth, mesh.boundaries
     )

@@ -13,9 +13,9 @@ from rich.progress import (
 )
 
 _WORDS = {
-    "domain": "domain from shoreline",
+    "domain": "domain",
     "base_grid": "base grid and depths",
-    "tide": "tide on the base grid",
+    "tide": "tide",
     "truncation": "truncation error",
     "sizing": "sizes for the budget",
     "mesh": "mesh",

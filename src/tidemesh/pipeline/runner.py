@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -38,6 +39,7 @@ _LIBRARIES = (
     "rasterio",
     "netCDF4",
     "matplotlib",
+    "utide",
 )
 
 
@@ -106,7 +108,7 @@ class Stage:
     run: Callable[[Context], Any]
     """Returns what later stages need, in data types and plain containers."""
     sections: tuple[str, ...]
-    """Sections of the case that it reads."""
+    """Sections of the case that it reads, or "section.key"."""
     inputs: tuple[str, ...] = ()
     """Beginnings of the keys of the input files that it reads."""
     needs: tuple[str, ...] = ()
@@ -152,7 +154,7 @@ def run_stages(
     output = Path(output)
     _check_writable(output)
 
-    digests = {key: sha256(path) for key, path in files.items()}
+    digests = {key: _digest(path) for key, path in files.items()}
     context = Context(case, files, folder, output)
     keys: dict[str, str] = {}
     records: dict[str, dict[str, Any]] = {}
@@ -215,7 +217,7 @@ def _run_stage(
 def _key(
     stage: Stage, case: Case, digests: Mapping[str, str], keys: Mapping[str, str]
 ) -> str:
-    settings = {s: msgspec.to_builtins(getattr(case, s)) for s in stage.sections}
+    settings = {s: msgspec.to_builtins(attrgetter(s)(case)) for s in stage.sections}
     content = {
         "stage": stage.name,
         "program": program_fingerprint(),
@@ -235,6 +237,18 @@ def program_fingerprint() -> str:
     for path in sorted(root.rglob("*.py")):
         digest.update(path.relative_to(root).as_posix().encode())
         digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def _digest(path: Path) -> str:
+    """Of a file its content; of a folder (atlases of gigabytes) names, sizes, times."""
+    if not path.is_dir():
+        return sha256(path)
+    digest = hashlib.sha256()
+    for inner in sorted(p for p in path.rglob("*") if p.is_file()):
+        found = inner.stat()
+        name = inner.relative_to(path).as_posix()
+        digest.update(f"{name} {found.st_size} {found.st_mtime_ns}\n".encode())
     return digest.hexdigest()
 
 

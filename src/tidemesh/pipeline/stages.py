@@ -9,7 +9,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from tidemesh import basegrid, boundary, hierarchy, improve, sizing, tides, truncation
+from tidemesh import basegrid, boundary, hierarchy, improve, sizing, truncation
+from tidemesh.basegrid.volume import volume_corrected
 from tidemesh.datatypes import (
     CoastalMesh,
     Domain,
@@ -26,6 +27,12 @@ from tidemesh.io.ugrid import Field, write_ugrid
 from tidemesh.pipeline.case import Case
 from tidemesh.pipeline.compare import compare_with_base, compare_with_gauges
 from tidemesh.pipeline.runner import Context, Stage
+from tidemesh.pipeline.tide import (
+    boundary_of,
+    make_forcing,
+    solve_tide,
+    tide_fields,
+)
 from tidemesh.triangulation import domain as domain_mesh
 from tidemesh.triangulation import locate, quality, topology
 
@@ -122,66 +129,32 @@ def make_base_grid(context: Context) -> CoastalMesh:
 def solve_base_tide(context: Context) -> TideSolution:
     """Base grid to complex elevation and velocity."""
     mesh = context["base_grid"]
-    tide = _solve(context, mesh)
-    context.report["base_tide"] = _tide_report(mesh, tide, context)
+    tide, context.report["base_tide"] = _solve(context, mesh, "base")
     write_ugrid(
         context.path("tide.nc"), mesh, tide_fields(mesh, tide), title=context.case.title
     )
     return tide
 
 
-def _solve(context: Context, mesh: CoastalMesh) -> TideSolution:
-    settings = context.case.tide
-    table = read_tide_table(context.files["forcing.table"])
-    forcing = tides.boundary_forcing(
+def _solve(
+    context: Context, mesh: CoastalMesh, name: str
+) -> tuple[TideSolution, dict[str, Any]]:
+    case, files = context.case, context.files
+    if hasattr(case, "forcing"):
+        forcing, fitted = make_forcing(mesh, case.tide, case.forcing, files)
+    else:
+        # An existing model: its own solution along the new ocean boundary.
+        forcing, fitted = boundary_of(context["tide"], context["base_grid"], mesh), {}
+    tide, report = solve_tide(
         mesh,
-        table,
-        settings.constituents,
-        max_distance_m=1e3 * settings.max_forcing_distance_km,
+        forcing,
+        case.tide,
+        adcirc=case.adcirc,
+        folder=context.output / "adcirc" / name,
+        friction_file=files.get("tide.friction_file"),
+        progress=context.progress,
     )
-    return tides.solve(mesh, forcing, settings, progress=context.progress)
-
-
-def _tide_report(
-    mesh: CoastalMesh, tide: TideSolution, context: Context
-) -> dict[str, Any]:
-    balance = tides.energy_balance(mesh, tide, mesh.open_nodes, context.case.tide)
-    return {
-        name: {
-            "largest_amplitude_m": float(np.abs(tide.elevation[c]).max()),
-            "energy_inflow_w": float(balance.inflow[c]),
-            "energy_dissipation_w": float(balance.dissipation[c]),
-        }
-        for c, name in enumerate(tide.names)
-    }
-
-
-def tide_fields(mesh: CoastalMesh, tide: TideSolution) -> list[Field]:
-    """Elevation, eastward and northward velocity of every constituent, to write."""
-    velocity = mesh.projection.east_north(mesh.points, tide.velocity)
-    fields = []
-    for c, name in enumerate(tide.names):
-        fields += [
-            Field(
-                f"elevation_{name}",
-                tide.elevation[c],
-                "m",
-                f"{name} elevation of the sea surface",
-            ),
-            Field(
-                f"u_{name}",
-                velocity[c, :, 0],
-                "m s-1",
-                f"{name} eastward velocity",
-            ),
-            Field(
-                f"v_{name}",
-                velocity[c, :, 1],
-                "m s-1",
-                f"{name} northward velocity",
-            ),
-        ]
-    return fields
+    return tide, {**report, **fitted}
 
 
 # ---- 4. truncation error (section 3.3) ------------------------------------------
@@ -251,7 +224,9 @@ def base_spacing(context: Context) -> np.ndarray:
     On the lattice all nodes have the same, as the paper has its 900 m.
     """
     mesh = context["base_grid"]
-    grid = context.case.base_grid
+    grid = getattr(context.case, "base_grid", None)
+    if grid is None:
+        return node_spacing(mesh.points, mesh.triangles)
     if grid.kind == "hexagonal" or context.case.truncation.lattice_spacing_m:
         spacing = context.case.truncation.lattice_spacing_m or grid.spacing_m
         return np.full(len(mesh.points), float(spacing))
@@ -334,15 +309,18 @@ def make_mesh(context: Context) -> CoastalMesh:
     domain = selection.domain
     context.progress(0.6)
     spacing = node_spacing(points, triangles)
-    sources = basegrid.read_sources(domain, case.depth, folder=context.folder)
-    depth, depths = basegrid.sample_depths(
-        points,
-        domain.projection,
-        sources,
-        case.depth,
-        spacing=spacing,
-        triangles=triangles,
-    )
+    if case.depth.sources:
+        sources = basegrid.read_sources(domain, case.depth, folder=context.folder)
+        depth, depths = basegrid.sample_depths(
+            points,
+            domain.projection,
+            sources,
+            case.depth,
+            spacing=spacing,
+            triangles=triangles,
+        )
+    else:
+        depth, depths = depths_of(base, points, triangles), {}
     mesh = CoastalMesh(
         points,
         triangles,
@@ -387,6 +365,20 @@ def make_mesh(context: Context) -> CoastalMesh:
     return mesh
 
 
+def depths_of(
+    base: CoastalMesh, points: np.ndarray, triangles: np.ndarray
+) -> np.ndarray:
+    """Depths (m) of another mesh at new nodes, the water volume kept."""
+    locator = locate.Locator(base.points, base.triangles)
+    depth = locator.interpolate(base.depth, points)
+    spacing = node_spacing(base.points, base.triangles)
+
+    def bed(places: np.ndarray, _: np.ndarray) -> np.ndarray:
+        return locator.interpolate(base.depth, places)
+
+    return volume_corrected(points, triangles, depth, bed, float(spacing.min()))
+
+
 def place_nodes(
     case: Case, domain: Domain, base: CoastalMesh, field: SizeField
 ) -> hierarchy.Selection:
@@ -407,7 +399,7 @@ def check_mesh_tide(context: Context) -> dict[str, Any]:
     """Solve the tide again on the mesh; set it beside the base grid and the gauges."""
     base, base_tide = context["base_grid"], context["tide"]
     mesh = context["mesh"]
-    tide = _solve(context, mesh)
+    tide, context.report["tide"] = _solve(context, mesh, "mesh")
     context.progress(0.5)
     series = truncation.momentum_series(mesh, tide, _least_squares(context.case))
     spacing = node_spacing(mesh.points, mesh.triangles)
@@ -416,7 +408,6 @@ def check_mesh_tide(context: Context) -> dict[str, Any]:
         mesh.points, mesh.triangles, tide.elevation
     )
     context.progress(0.9)
-    context.report["tide"] = _tide_report(mesh, tide, context)
     context.report["against_base_grid"] = compare_with_base(
         base,
         base_tide,
@@ -470,6 +461,13 @@ def _plain(report: Any) -> Any:
     return report
 
 
+_TIDE_FILES = (
+    "forcing.table",
+    "forcing.atlas",
+    "forcing.from_gauges",
+    "tide.friction_file",
+)
+
 STAGES = (
     Stage("domain", make_domain, ("domain",), ("domain.",)),
     Stage(
@@ -480,7 +478,11 @@ STAGES = (
         ("domain",),
     ),
     Stage(
-        "tide", solve_base_tide, ("title", "tide"), ("forcing.table",), ("base_grid",)
+        "tide",
+        solve_base_tide,
+        ("title", "tide", "adcirc", "forcing.atlas", "forcing.from_gauges"),
+        _TIDE_FILES,
+        ("base_grid",),
     ),
     Stage(
         "truncation",
@@ -506,8 +508,16 @@ STAGES = (
     Stage(
         "check",
         check_mesh_tide,
-        ("title", "tide", "truncation", "hierarchy"),
-        ("forcing.",),
+        (
+            "title",
+            "tide",
+            "adcirc",
+            "forcing.atlas",
+            "forcing.from_gauges",
+            "truncation",
+            "hierarchy",
+        ),
+        (*_TIDE_FILES, "forcing.gauges"),
         ("domain", "base_grid", "tide", "mesh"),
     ),
 )

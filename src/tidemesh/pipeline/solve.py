@@ -1,0 +1,240 @@
+"""The tide of a mesh that is there already: one file in, harmonic constants out."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+import tidemesh
+from tidemesh.datatypes import CoastalMesh, TideSolution
+from tidemesh.errors import InputError, MeshError
+from tidemesh.io.files import atomic
+from tidemesh.io.fort53 import write_fort53, write_fort54
+from tidemesh.io.ugrid import write_ugrid
+from tidemesh.pipeline.adcirc_case import read_adcirc_case
+from tidemesh.pipeline.case import (
+    ForcingSettings,
+    apply_overrides,
+    decode_case,
+    find_files,
+    read_toml,
+    tide_files,
+)
+from tidemesh.pipeline.info import on_a_conformal_map, read_mesh
+from tidemesh.pipeline.run import check_tide_inputs
+from tidemesh.pipeline.runner import strict
+from tidemesh.pipeline.tide import make_forcing, solve_tide, tide_fields
+from tidemesh.tides.adcirc.settings import AdcircSettings
+from tidemesh.tides.settings import TideSettings
+from tidemesh.triangulation import topology
+
+Progress = Callable[[float], None]
+
+
+class TideCase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The sections of a case file that decide a tide on a given mesh."""
+
+    title: str = ""
+    tide: TideSettings = TideSettings()
+    forcing: ForcingSettings | None = None
+    adcirc: AdcircSettings = AdcircSettings()
+
+
+def read_tide_case(
+    case: str | Path | None,
+    overrides: Sequence[str] = (),
+    *,
+    kind: type = TideCase,
+    sections: Sequence[str] = ("title", "tide", "forcing", "adcirc"),
+) -> Any:
+    """The sections of a case file that matter here, the others left alone.
+
+    Raises
+    ------
+    InputError
+        If the file or a value cannot be used.
+    """
+    data: dict[str, Any] = {}
+    text = ""
+    if case is not None:
+        found, text = read_toml(case)
+        data = {name: found[name] for name in sections if name in found}
+    apply_overrides(data, overrides)
+    return decode_case(data, kind=kind, name=str(case or "--set"), text=text)
+
+
+def solve_mesh(
+    mesh: str | Path,
+    *,
+    output: str | Path,
+    fort15: str | Path | None = None,
+    fort13: str | Path | None = None,
+    case: str | Path | None = None,
+    table: str | Path | None = None,
+    overrides: Sequence[str] = (),
+    progress: Progress = lambda fraction: None,
+) -> dict[str, Any]:
+    """Solve the tide of a mesh and write ``tide.nc``, ``fort.53`` and ``fort.54``.
+
+    Parameters
+    ----------
+    mesh : path
+        fort.14 or UGRID.
+    output : path
+        Folder of the results.
+    fort15, fort13 : path, optional
+        An ADCIRC case: its constituents, boundary values, friction, rotation and map.
+    case : path, optional
+        A case file; its sections ``tide``, ``forcing`` and ``adcirc`` count.
+    table : path, optional
+        Harmonic constants for the ocean boundary, instead of a case file's.
+    overrides : sequence of "section.key=value"
+    progress : callable
+
+    Returns
+    -------
+    summary : dict
+        What ``summary.json`` holds.
+
+    Raises
+    ------
+    InputError, MeshError, EngineError, ConvergenceError
+        If an input cannot be used, or the tide cannot be solved.
+    """
+    started = time.perf_counter()
+    given = read_mesh(mesh)
+    _check(given, Path(mesh))
+    summary: dict[str, Any] = {"tidemesh": tidemesh.__version__, "mesh": str(mesh)}
+    output = Path(output)
+    if fort15 is not None:
+        if case is not None or table is not None:
+            raise InputError(
+                "a fort.15 brings its own forcing: leave out --case and --table"
+            )
+        solved, tide, report = _solve_adcirc_case(
+            given, fort15, fort13, overrides, progress
+        )
+    else:
+        solved, tide, report = _solve_case(
+            given, case, table, overrides, output, progress
+        )
+    summary.update(
+        nodes=len(solved.points),
+        elements=len(solved.triangles),
+        constituents=list(tide.names),
+        **report,
+    )
+    summary["seconds"] = round(time.perf_counter() - started, 3)
+    _write(output, solved, tide, summary)
+    return summary
+
+
+def _check(mesh: CoastalMesh, path: Path) -> None:
+    try:
+        topology.require_valid(mesh.points, mesh.triangles)
+    except MeshError as error:
+        raise MeshError(f"{path}: {error}") from None
+    if len(mesh.open_nodes) == 0:
+        raise InputError(f"{path}: the mesh has no open boundary string to drive it")
+
+
+def _solve_adcirc_case(
+    mesh: CoastalMesh,
+    fort15: str | Path,
+    fort13: str | Path | None,
+    overrides: Sequence[str],
+    progress: Progress,
+) -> tuple[CoastalMesh, TideSolution, dict[str, Any]]:
+    theirs = read_adcirc_case(mesh, fort15, fort13)
+    data = {"tide": msgspec.to_builtins(theirs.settings)}
+    apply_overrides(data, overrides)
+    case = decode_case(data, kind=TideCase, name="--set")
+    tide, report = solve_tide(
+        theirs.mesh,
+        theirs.forcing,
+        case.tide,
+        adcirc=case.adcirc,
+        folder=Path(),
+        progress=progress,
+        **theirs.known,
+    )
+    settings = msgspec.to_builtins(case.tide)
+    return (
+        theirs.mesh,
+        tide,
+        {
+            "tide": report,
+            "settings": settings,
+            "left_out": list(theirs.notes),
+        },
+    )
+
+
+def _solve_case(
+    mesh: CoastalMesh,
+    case: str | Path | None,
+    table: str | Path | None,
+    overrides: Sequence[str],
+    output: Path,
+    progress: Progress,
+) -> tuple[CoastalMesh, TideSolution, dict[str, Any]]:
+    settings = read_tide_case(case, overrides)
+    forcing = settings.forcing
+    folder = Path(case).parent if case is not None else Path()
+    if table is not None:
+        forcing = ForcingSettings(table=str(Path(table).absolute()))
+    if forcing is None:
+        raise InputError(
+            "nothing drives the tide: give --fort15 FILE, --table FILE with harmonic "
+            "constants along the ocean boundary, or --case FILE with a section forcing"
+        )
+    files = find_files(tide_files(forcing, settings.tide), folder)
+    check_tide_inputs(settings.tide, files)
+    # ADCIRC's map of degrees stretches; the plane of the equations must not.
+    if settings.tide.metric in ("plane", "sphere"):
+        mesh = on_a_conformal_map(mesh)
+    driven, fitted = make_forcing(mesh, settings.tide, forcing, files)
+    tide, report = solve_tide(
+        mesh,
+        driven,
+        settings.tide,
+        adcirc=settings.adcirc,
+        folder=output / "adcirc",
+        friction_file=files.get("tide.friction_file"),
+        progress=progress,
+    )
+    return (
+        mesh,
+        tide,
+        {
+            "tide": report,
+            "settings": msgspec.to_builtins(settings.tide),
+            **fitted,
+        },
+    )
+
+
+def _write(
+    folder: Path, mesh: CoastalMesh, tide: TideSolution, summary: dict[str, Any]
+) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"output folder {folder} cannot be written ({error.strerror}); name "
+            "another with --output"
+        ) from None
+    write_ugrid(folder / "tide.nc", mesh, tide_fields(mesh, tide))
+    write_fort53(folder / "fort.53", tide)
+    # ADCIRC's velocities on a mesh in degrees are east and north.
+    east_north = mesh.projection.east_north(mesh.points, tide.velocity)
+    write_fort54(folder / "fort.54", dataclasses.replace(tide, velocity=east_north))
+    text = json.dumps(strict(summary), indent=2, allow_nan=False)
+    with atomic(folder / "summary.json") as temporary:
+        Path(temporary).write_text(text + "\n", encoding="utf-8")

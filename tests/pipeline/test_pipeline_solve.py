@@ -1,0 +1,287 @@
+"""Tides on meshes that the user brings: solve, estimate, verify."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tidemesh.cli import main
+from tidemesh.datatypes import TideSolution
+from tidemesh.geometry.projection import Projection
+from tidemesh.io.fort14 import read_fort14, write_fort14
+from tidemesh.io.fort15 import (
+    BoundaryConstituent,
+    ControlFile,
+    HarmonicConstituent,
+    boundary_rows,
+    write_fort15,
+)
+from tidemesh.io.fort53 import read_fort53, read_fort54, write_fort53, write_fort54
+from tidemesh.io.ugrid import read_ugrid, write_ugrid
+from tidemesh.pipeline.tide import solution_of, tide_fields
+from tidemesh.triangulation import topology
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tides"))
+from annulus import (
+    AMPLITUDE,
+    FREQUENCY,
+    FRICTION,
+    Annulus,
+    annulus_mesh,
+)
+
+EXACT = Annulus(2)
+
+
+def relative(ours, exact):
+    return np.linalg.norm(ours - exact) / np.linalg.norm(exact)
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    """The ADCIRC case of a quarter annulus, fort.14 and fort.15."""
+    folder = tmp_path_factory.mktemp("annulus")
+    mesh = annulus_mesh(12, 16, 2)
+    rows = boundary_rows(mesh, np.full(len(mesh.open_nodes), AMPLITUDE + 0j))
+    write_fort14(folder / "fort.14", mesh)
+    control = ControlFile(
+        run_description="annulus",
+        tau0=FRICTION,
+        friction=FRICTION,
+        time_step=30.0,
+        run_days=10.0,
+        minimum_depth=0.1,
+        angle_minimum=110.0,
+        forcing=(BoundaryConstituent("M2", FREQUENCY, 1.0, 0.0, rows),),
+        harmonic=(HarmonicConstituent("M2", FREQUENCY),),
+        harmonic_days=(8.0, 10.0),
+        harmonic_every=1,
+        harmonic_output=(0, 0, 1, 1),
+    )
+    write_fort15(folder / "fort.15", control)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def solved(model):
+    output = model / "solved"
+    arguments = ["solve", str(model / "fort.14"), "--fort15", str(model / "fort.15")]
+    assert main([*arguments, "--output", str(output), "--quiet"]) == 0
+    return output
+
+
+def test_an_adcirc_case_is_solved_to_second_order(solved, model):
+    """The closed form of Lynch and Gray; 3.9e-3 is what ADCIRC itself has here."""
+    mesh = read_fort14(model / "fort.14")
+    exact = EXACT.elevation(np.hypot(*mesh.points.T))[0]
+    constants = read_fort53(solved / "fort.53")
+    assert constants.names == ("M2",)
+    assert constants.frequency[0] == pytest.approx(FREQUENCY)
+    assert relative(constants.values[0], exact) == pytest.approx(3.9e-3, rel=0.05)
+    summary = json.loads((solved / "summary.json").read_text())
+    assert summary["constituents"] == ["M2"]
+    assert summary["nodes"] == len(mesh.points)
+    largest = summary["tide"]["M2"]["largest_amplitude_m"]
+    assert largest == pytest.approx(np.abs(exact).max(), rel=0.02)
+
+
+def test_netcdf_and_text_hold_the_same_solution(solved):
+    mesh, fields = read_ugrid(solved / "tide.nc")
+    tide = solution_of(mesh, fields)
+    elevation = read_fort53(solved / "fort.53").values
+    velocity = read_fort54(solved / "fort.54").values
+    # ASCII phases have four decimals.
+    assert relative(tide.elevation, elevation) < 1e-6
+    assert relative(tide.velocity, velocity) < 1e-6
+    assert tide.friction == pytest.approx(np.full(len(mesh.points), FRICTION))
+    assert tide.frequency[0] == FREQUENCY
+
+
+def test_a_setting_replaces_that_of_the_fort15(model, tmp_path):
+    arguments = ["solve", str(model / "fort.14"), "--fort15", str(model / "fort.15")]
+    arguments += ["--output", str(tmp_path), "--quiet", "--set", "tide.friction=0.004"]
+    assert main([*arguments, "--set", "tide.discretisation=galerkin"]) == 0
+    settings = json.loads((tmp_path / "summary.json").read_text())["settings"]
+    assert settings["friction"] == 0.004
+    exact = EXACT.elevation(np.array([60_960.0]))[0]
+    ours = read_fort53(tmp_path / "fort.53").values[0]
+    # Ten times the friction damps the wave on its way in.
+    assert np.abs(ours).min() < 0.8 * np.abs(exact[0])
+
+
+@pytest.mark.parametrize("projection", [Projection(), Projection.stereographic(5, 55)])
+@pytest.mark.parametrize("each", [False, True])
+def test_what_is_written_is_read_back(tmp_path, projection, each):
+    generator = np.random.default_rng(1)
+    mesh = dataclasses.replace(annulus_mesh(3, 4, 2), projection=projection)
+    n = len(mesh.points)
+    tide = TideSolution(
+        names=("M2", "STEADY"),
+        frequency=[1.4e-4, 0.0],
+        elevation=generator.normal(size=(2, n)) + 1j * generator.normal(size=(2, n)),
+        velocity=generator.normal(size=(2, n, 2)) * (1 + 1j),
+        friction=generator.random((2, n) if each else n),
+        coriolis=generator.random(n),
+    )
+    write_ugrid(tmp_path / "tide.nc", mesh, tide_fields(mesh, tide))
+    read = solution_of(*read_ugrid(tmp_path / "tide.nc"))
+    assert read.names == tide.names
+    for name in ("frequency", "elevation", "velocity", "friction", "coriolis"):
+        have, want = getattr(read, name), getattr(tide, name)
+        np.testing.assert_allclose(have, want, rtol=1e-9, atol=1e-12)
+
+
+def test_a_fort15_of_another_mesh_is_refused(model, tmp_path, capsys):
+    write_fort14(tmp_path / "other.14", annulus_mesh(12, 15, 2))
+    arguments = ["solve", str(tmp_path / "other.14"), "--output", str(tmp_path / "o")]
+    assert main([*arguments, "--fort15", str(model / "fort.15"), "--quiet"]) == 2
+    message = capsys.readouterr().err
+    assert "fort.15: line" in message
+    assert "mesh" in message
+    assert not (tmp_path / "o").exists()
+
+
+def test_nothing_to_drive_the_tide(model, tmp_path, capsys):
+    mesh = str(model / "fort.14")
+    assert main(["solve", mesh, "--output", str(tmp_path / "o"), "--quiet"]) == 2
+    assert "--fort15" in capsys.readouterr().err
+
+
+# ---- estimate -------------------------------------------------------------------
+
+
+def test_an_existing_model_is_measured_and_meshed_again(model, solved, tmp_path):
+    output = tmp_path / "again"
+    arguments = ["estimate", str(model / "fort.14"), str(solved / "fort.53"), "--quiet"]
+    arguments += ["--nodes", "300", "--output", str(output), "--remesh"]
+    arguments += ["--set", "output.figures=false", "--set", "depth.minimum_m=0.1"]
+    assert main(arguments) == 0
+    mesh = read_fort14(output / "mesh.14")
+    assert abs(len(mesh.points) - 300) <= 3
+    assert topology.check_mesh(mesh.points, mesh.triangles, mesh.depth) == []
+    assert sum(b.kind == "open" for b in mesh.boundaries) == 1
+    _, fields = read_ugrid(output / "error.nc")
+    assert {"truncation_error_M2", "curvature_M2"} <= set(fields)
+    # The tide on the new mesh is still that of the basin.
+    again, found = read_ugrid(output / "mesh_tide.nc")
+    exact = EXACT.elevation(np.hypot(*again.points.T))[0]
+    assert relative(found["elevation_M2"].values, exact) < 0.02
+    # And so is its depth.
+    radius = np.hypot(*mesh.points.T)
+    assert np.abs(mesh.depth / EXACT.depth(radius) - 1.0).max() < 0.05
+
+
+def test_without_remesh_only_error_and_sizes(model, solved, tmp_path):
+    arguments = ["estimate", str(model / "fort.14"), str(solved), "--quiet"]
+    assert main([*arguments, "--output", str(tmp_path / "o"), "--nodes", "300"]) == 0
+    names = {p.name for p in (tmp_path / "o").iterdir()}
+    assert {"error.nc", "size.nc", "summary.json", "manifest.json"} <= names
+    assert "mesh.14" not in names
+
+
+def test_dry_nodes_and_missing_velocities_of_a_fort53(model, solved, tmp_path):
+    """A model with wetting: dry nodes take what is near; no fort.54 is needed."""
+    mesh, fields = read_ugrid(solved / "tide.nc")
+    tide = solution_of(mesh, fields)
+    write_fort53(tmp_path / "fort.53", tide)
+    lines = (tmp_path / "fort.53").read_text().splitlines()
+    lines[4] = "  -99999.0 -99999.0"
+    (tmp_path / "fort.53").write_text("\n".join(lines) + "\n")
+    arguments = ["estimate", str(model / "fort.14"), str(tmp_path / "fort.53")]
+    arguments += ["--quiet", "--nodes", "300", "--output", str(tmp_path / "o")]
+    assert main(arguments) == 0
+    _, found = read_ugrid(tmp_path / "o" / "error.nc")
+    assert np.isfinite(found["curvature_M2"].values).mean() > 0.9
+
+
+@pytest.mark.parametrize("fault", ["truncated", "other mesh", "other constituents"])
+def test_harmonic_output_that_cannot_be_used(model, solved, tmp_path, capsys, fault):
+    mesh, fields = read_ugrid(solved / "tide.nc")
+    tide = solution_of(mesh, fields)
+    write_fort53(tmp_path / "fort.53", tide)
+    write_fort54(tmp_path / "fort.54", tide)
+    words = ["fort.53", "line"]
+    grid = model / "fort.14"
+    if fault == "truncated":
+        text = (tmp_path / "fort.53").read_text()
+        (tmp_path / "fort.53").write_text(text[: len(text) // 2])
+    elif fault == "other mesh":
+        grid = tmp_path / "other.14"
+        write_fort14(grid, annulus_mesh(12, 15, 2))
+        words = ["fort.53", "221", "208"]
+    else:
+        text = (tmp_path / "fort.54").read_text().replace("M2", "S2")
+        (tmp_path / "fort.54").write_text(text)
+        words = ["fort.54", "S2", "M2"]
+    arguments = ["estimate", str(grid), str(tmp_path), "--quiet"]
+    assert main([*arguments, "--output", str(tmp_path / "o")]) == 2
+    message = capsys.readouterr().err
+    assert all(word in message for word in words)
+
+
+# ---- verify ---------------------------------------------------------------------
+
+
+@pytest.fixture
+def placed(solved, tmp_path):
+    """The solution at a place on earth."""
+    mesh, fields = read_ugrid(solved / "tide.nc")
+    tide = solution_of(mesh, fields)
+    mesh = dataclasses.replace(mesh, projection=Projection.stereographic(5.0, 55.0))
+    write_ugrid(tmp_path / "tide.nc", mesh, tide_fields(mesh, tide))
+    return tmp_path
+
+
+@pytest.fixture
+def gauges(placed, tmp_path):
+    """Two gauges with the solution's own constants, one of them ten degrees late."""
+    mesh, fields = read_ugrid(placed / "tide.nc")
+    elevation = fields["elevation_M2"].values
+    place = mesh.projection.inverse(mesh.points)
+    path = tmp_path / "gauges.csv"
+    with open(path, "w", newline="") as file:
+        table = csv.writer(file)
+        table.writerow(["name", "lon", "lat", "constituent", "amplitude", "phase"])
+        for name, node, late in (("Same", 40, 0.0), ("Early", 90, -10.0)):
+            value = elevation[node]
+            lag = np.degrees(-np.angle(value)) + late
+            table.writerow([name, *place[node], "M2", abs(value), lag % 360.0])
+    return path, np.abs(elevation[[40, 90]])
+
+
+def test_constants_and_levels_against_gauges(placed, gauges, tmp_path):
+    path, amplitude = gauges
+    arguments = ["verify", str(placed), "--gauges", str(path), "--no-figures"]
+    arguments += ["--start", "1998-03-16", "--end", "1998-03-18", "--quiet"]
+    assert main([*arguments, "--output", str(tmp_path / "v")]) == 0
+    found = json.loads((tmp_path / "v" / "verification.json").read_text())
+    rows = {row["gauge"]: row for row in found["constants"]["rows"]}
+    assert rows["Same"]["complex_error_m"] < 1e-6
+    assert rows["Early"]["phase_error_deg"] == pytest.approx(10.0, abs=1e-4)
+    chord = 2.0 * amplitude[1] * np.sin(np.radians(5.0))
+    assert rows["Early"]["complex_error_m"] == pytest.approx(chord, rel=1e-4)
+    levels = {one["station"]: one for one in found["records"]}
+    assert levels["Same"]["rms_error_m"] < 1e-6
+    # Ten degrees of M2 are 20.7 minutes.
+    assert levels["Early"]["lag_minutes"] == pytest.approx(20.7, abs=0.3)
+
+
+def test_figures_of_a_verification(placed, gauges, tmp_path):
+    arguments = ["verify", str(placed), "--gauges", str(gauges[0]), "--quiet"]
+    assert main([*arguments, "--output", str(tmp_path / "v")]) == 0
+    drawn = {p.name for p in (tmp_path / "v" / "figures").iterdir()}
+    assert drawn == {"constants.png", "gauges.png"}
+
+
+def test_gauges_far_from_the_mesh(placed, tmp_path, capsys):
+    path = tmp_path / "gauges.csv"
+    path.write_text("name,lon,lat,constituent,amplitude,phase\nFar,-70,10,M2,1,0\n")
+    arguments = ["verify", str(placed), "--gauges", str(path), "--quiet"]
+    assert main([*arguments, "--output", str(tmp_path / "v")]) == 2
+    assert "none of the 1 gauges" in capsys.readouterr().err
