@@ -21,9 +21,9 @@ TPXO = "TPXO9-atlas-v5-nc"
 LAND_WEST_OF = -80.3
 
 
-@pytest.fixture(autouse=True, scope="module")
-def _library():
-    pytest.importorskip("pyTMD.io", reason="pyTMD is not installed")
+needs_library = pytest.mark.skipif(
+    importlib.util.find_spec("pyTMD") is None, reason="pyTMD is not installed"
+)
 
 
 def mesh_with_ocean(longitude, latitude):
@@ -151,6 +151,7 @@ def write_otis(folder, x, y, tides):
             file.write(record(np.stack([tide.real, tide.imag], axis=-1).astype(">f4")))
 
 
+@needs_library
 def test_one_file_on_the_map_of_a_polar_model(tmp_path):
     x, y = np.arange(900.0, 1800.0, 20.0), np.arange(300.0, 1200.0, 20.0)
     grid_x, grid_y = np.meshgrid(x, y)
@@ -169,6 +170,7 @@ def test_one_file_on_the_map_of_a_polar_model(tmp_path):
         atlas_forcing(mesh, ["M1"], tmp_path, "CATS2008")
 
 
+@needs_library
 def test_got(tmp_path):
     write_got(tmp_path, "m2", "q1", "sig1")
     mesh = mesh_with_ocean(*OFFSHORE)
@@ -180,6 +182,7 @@ def test_got(tmp_path):
     assert forcing.nodal_factor is None
 
 
+@needs_library
 def test_fes_in_the_folder_of_the_files_themselves(tmp_path):
     write_fes(tmp_path, "m2", "la2")
     mesh = mesh_with_ocean(*OFFSHORE)
@@ -188,6 +191,7 @@ def test_fes_in_the_folder_of_the_files_themselves(tmp_path):
     assert_allclose(forcing.elevation, [wave(*OFFSHORE)] * 2, atol=1e-4)
 
 
+@needs_library
 def test_a_packed_file_is_read_or_to_be_unpacked(tmp_path):
     write_fes(tmp_path, "m2")
     path = tmp_path / "fes2014" / "ocean_tide" / "m2.nc"
@@ -202,6 +206,7 @@ def test_a_packed_file_is_read_or_to_be_unpacked(tmp_path):
             atlas_forcing(mesh, ["M2"], tmp_path, "FES2014")
 
 
+@needs_library
 def test_tpxo(tmp_path):
     write_tpxo(tmp_path, "m2", "n2")
     forcing = atlas_forcing(mesh_with_ocean(*OFFSHORE), ["M2", "N2"], tmp_path, TPXO)
@@ -209,6 +214,7 @@ def test_tpxo(tmp_path):
     assert_allclose(forcing.elevation, [wave(*OFFSHORE)] * 2, atol=8e-4)
 
 
+@needs_library
 def test_finer_atlases_are_nearer_at_second_order(tmp_path):
     errors = []
     for step in (1.0, 0.5, 0.25):
@@ -224,6 +230,7 @@ def test_finer_atlases_are_nearer_at_second_order(tmp_path):
     assert np.log2(errors[0] / errors[2]) / 2.0 > 1.6
 
 
+@needs_library
 def test_nodes_on_the_land_of_the_atlas_take_the_nearest_sea(tmp_path):
     write_tpxo(tmp_path, "m2")
     ashore = np.linspace(-80.7, -79.7, 9), np.full(9, 32.3)
@@ -237,6 +244,7 @@ def test_nodes_on_the_land_of_the_atlas_take_the_nearest_sea(tmp_path):
         )
 
 
+@needs_library
 @pytest.mark.parametrize("centre", [0.0, 180.0])
 def test_across_the_seam_of_the_longitudes(tmp_path, centre):
     lon, lat = np.arange(0.0, 360.0, 0.5), np.arange(-5.0, 5.1, 0.5)
@@ -254,6 +262,7 @@ def test_across_the_seam_of_the_longitudes(tmp_path, centre):
     assert_allclose(forcing.elevation[0], smooth(*ocean), atol=1e-4)
 
 
+@needs_library
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize(
     ("write", "model", "ours", "theirs"),
@@ -294,12 +303,14 @@ def test_phases_count_from_the_arguments_of_the_prediction(
     assert_allclose(level, theirs_level, atol=8e-3)
 
 
+@needs_library
 def test_names_of_the_atlases():
     names = atlas_names()
     assert {TPXO, "FES2014", "FES2022", "GOT5.5", "EOT20", "TPXO9.1"} <= set(names)
     assert not any("load" in name or "SAL" in name for name in names)
 
 
+@needs_library
 def test_what_is_missing_is_named(tmp_path):
     mesh = mesh_with_ocean(*OFFSHORE)
     write_got(tmp_path, "m2")
@@ -323,6 +334,7 @@ def test_what_is_missing_is_named(tmp_path):
         atlas_forcing(far, ["M2"], tmp_path, "GOT5.5")
 
 
+@needs_library
 def test_a_file_that_is_not_what_its_name_says(tmp_path):
     write_fes(tmp_path, "m2")
     path = tmp_path / "fes2014" / "ocean_tide" / "m2.nc"
