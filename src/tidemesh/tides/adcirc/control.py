@@ -9,7 +9,6 @@ import msgspec
 import numpy as np
 import pyproj
 
-from tidemesh.constants import EARTH_ROTATION
 from tidemesh.datatypes import CoastalMesh, TideForcing
 from tidemesh.errors import EngineError, InputError, MeshError
 from tidemesh.geometry.projection import Projection
@@ -25,6 +24,9 @@ from tidemesh.io.fort15 import (
 )
 from tidemesh.tides.adcirc.plan import RunPlan, plan_run
 from tidemesh.tides.adcirc.settings import AdcircSettings
+from tidemesh.tides.frequency_domain.solve import with_overtides
+from tidemesh.tides.frequency_domain.wave_equation import coriolis_parameter
+from tidemesh.tides.potential import potential_constituent
 from tidemesh.tides.settings import TideSettings
 from tidemesh.triangulation.quality import area
 
@@ -41,6 +43,8 @@ _CONSISTENT_GRAVITY = 9.81
 class RunInputs:
     """Everything that an ADCIRC run reads."""
 
+    forcing: TideForcing
+    """With the overtides of the settings."""
     mesh: CoastalMesh
     """As it is written: without a map where the run is in metres."""
     control: ControlFile
@@ -48,8 +52,8 @@ class RunInputs:
     plan: RunPlan
     coefficient: float | np.ndarray
     """tau (1/s), C_f or Manning's n, of all nodes or (n_points,)."""
-    coriolis: float | np.ndarray
-    """rad/s, of all nodes or (n_points,)."""
+    coriolis: float | np.ndarray | None
+    """rad/s, of all nodes or (n_points,); None for no rotation."""
 
 
 def run_inputs(
@@ -68,13 +72,13 @@ def run_inputs(
     ----------
     mesh : CoastalMesh
     forcing : TideForcing
-        At every open boundary node.
+        At every open boundary node; the settings' overtides are added.
     tide : TideSettings
     settings : AdcircSettings
     friction : float or (n_points,) array, optional
         Linear coefficient tau (1/s), in place of the settings' one number.
     drag : float or (n_points,) array, optional
-        C_f of a quadratic law, likewise.
+        C_f of the quadratic law, or Manning's n, likewise.
     coriolis : float or (n_points,) array, optional
         rad/s, in place of what the settings say; ADCIRC takes one number only.
 
@@ -91,6 +95,7 @@ def run_inputs(
     """
     _check_mesh(mesh)
     _check_forcing(mesh, forcing)
+    forcing = with_overtides(forcing, tide)
     linear = tide.friction_law == "linear"
     coefficient = _coefficient(mesh, tide, friction if linear else drag)
     if linear:
@@ -98,12 +103,12 @@ def run_inputs(
     plan = plan_run(
         mesh, forcing, tide, settings, uniform_friction=np.ndim(coefficient) == 0
     )
-    parameter, ncor, cori = _coriolis(mesh, tide, coriolis)
+    rotation = _coriolis(mesh, tide, coriolis)
+    ncor = int(np.ndim(rotation) > 0)
     ics = _coordinates(mesh, forcing, tide, settings, ncor)
     potential = _potential_rows(mesh, forcing)
     attributes = _attributes(mesh, tide, coefficient)
     centre = (0.0, 0.0) if ics == 1 else _centre(mesh)
-    manning = attributes is not None and attributes.names[0] == MANNING
     control = ControlFile(
         run_description=f"tidemesh {tide.friction_law}",
         run_id=" ".join(forcing.names)[:24],
@@ -134,9 +139,9 @@ def run_inputs(
         slam0=centre[0],
         sfea0=centre[1],
         # With Manning's formula this is the least C_f.
-        friction=0.0 if manning else float(np.mean(coefficient)),
+        friction=0.0 if tide.friction_law == "manning" else float(np.mean(coefficient)),
         eddy_viscosity=settings.eddy_viscosity,
-        cori=cori,
+        cori=0.0 if ncor or rotation is None else float(rotation),
         potential=potential,
         forcing=_boundary_constituents(mesh, forcing),
         angle_minimum=tide.minimum_inner_angle_deg,
@@ -158,7 +163,7 @@ def run_inputs(
     )
     if ics == 1:
         mesh = replace(mesh, projection=Projection())
-    return RunInputs(mesh, control, attributes, plan, coefficient, parameter)
+    return RunInputs(forcing, mesh, control, attributes, plan, coefficient, rotation)
 
 
 def harmonic_order(forcing: TideForcing) -> np.ndarray:
@@ -196,13 +201,9 @@ def _check_mesh(mesh: CoastalMesh) -> None:
 
 def _check_forcing(mesh: CoastalMesh, forcing: TideForcing) -> None:
     nodes = mesh.open_nodes
-    if len(nodes) == 0:
+    if len(nodes) == 0 and forcing.potential is None:
         raise EngineError(
             "the mesh has no open (ocean) boundary, so nothing drives the tide"
-        )
-    if len(set(forcing.names)) < len(forcing.names):
-        raise InputError(
-            "a constituent is named twice in the forcing: " + ", ".join(forcing.names)
         )
     missing = np.setdiff1d(nodes, forcing.nodes)
     foreign = np.setdiff1d(forcing.nodes, nodes)
@@ -237,32 +238,33 @@ def _coefficient(
             "manning": tide.manning_n,
         }
         return float(laws[tide.friction_law])
-    values = np.broadcast_to(np.asarray(given, dtype=np.float64), mesh.depth.shape)
+    values = np.asarray(given, dtype=np.float64)
+    if values.ndim and values.shape != mesh.depth.shape:
+        raise InputError(
+            f"the friction coefficient has the shape {values.shape}; ADCIRC takes one "
+            f"number, or one for each of the {len(mesh.depth)} nodes"
+        )
+    values = np.broadcast_to(values, mesh.depth.shape)
     if not (np.isfinite(values) & (values >= 0.0)).all():
         node = int(np.argmin(np.isfinite(values) & (values >= 0.0)))
         raise InputError(
             f"the friction coefficient of node {node} is {values[node]:g}; it must be "
             "a number that is not negative"
         )
-    # Manning's n given as C_f stays an array: the law is not Manning's any more.
-    if is_uniform(values) and tide.friction_law != "manning":
-        return float(values[0])
-    return values
+    return float(values[0]) if is_uniform(values) else values
 
 
 def _attributes(
     mesh: CoastalMesh, tide: TideSettings, coefficient: float | np.ndarray
 ) -> NodalAttributes | None:
-    if np.ndim(coefficient):
-        # The value of most nodes need not be listed.
-        common, count = np.unique(coefficient, return_counts=True)
-        default = common[np.argmax(count)]
-        name = FRICTION
-        unit = "1/s" if tide.friction_law == "linear" else "unitless"
-    elif tide.friction_law == "manning":
-        default, name, unit = coefficient, MANNING, "s/m^(1/3)"
-    else:
+    manning = tide.friction_law == "manning"
+    if not manning and np.ndim(coefficient) == 0:
         return None
+    # The value of most nodes need not be listed.
+    common, count = np.unique(coefficient, return_counts=True)
+    default = common[np.argmax(count)]
+    unit = "1/s" if tide.friction_law == "linear" else "unitless"
+    name, unit = (MANNING, "s/m^(1/3)") if manning else (FRICTION, unit)
     values = np.broadcast_to(coefficient, mesh.depth.shape)
     return NodalAttributes(
         "friction of the sea floor",
@@ -275,29 +277,17 @@ def _attributes(
 
 def _coriolis(
     mesh: CoastalMesh, tide: TideSettings, given: float | np.ndarray | None
-) -> tuple[float | np.ndarray, int, float]:
-    """Parameter at the nodes, NCOR and CORI."""
-    if given is not None:
-        values = np.asarray(given, dtype=np.float64)
-        if values.ndim and not is_uniform(values):
-            raise InputError(
-                "ADCIRC takes one Coriolis parameter, or that of the latitude "
-                '(tide.coriolis = "latitude"), not values at the nodes'
-            )
-        one = float(values.flat[0])
-        return one, 0, one
-    if tide.coriolis == "none":
-        return 0.0, 0, 0.0
-    if tide.coriolis == "constant":
-        one = 2.0 * EARTH_ROTATION * math.sin(math.radians(tide.latitude_deg))
-        return one, 0, one
-    if not mesh.projection.crs:
+) -> float | np.ndarray | None:
+    """One parameter, those of the latitudes of the nodes, or None."""
+    if given is None:
+        return coriolis_parameter(mesh, tide)
+    values = np.asarray(given, dtype=np.float64)
+    if not is_uniform(values):
         raise InputError(
-            'tide.coriolis = "latitude" needs a mesh with a map projection; this one '
-            'lies on the bare plane: use "constant" with latitude_deg'
+            "ADCIRC takes one Coriolis parameter, or that of the latitude "
+            '(tide.coriolis = "latitude"), not values at the nodes'
         )
-    latitude = np.radians(mesh.projection.inverse(mesh.points)[:, 1])
-    return 2.0 * EARTH_ROTATION * np.sin(latitude), 1, 0.0
+    return float(values.flat[0])
 
 
 def _coordinates(
@@ -334,10 +324,17 @@ def _coordinates(
 
 
 def _centre(mesh: CoastalMesh) -> tuple[float, float]:
-    """Longitude and latitude (degrees) of the mesh's map, or of its middle."""
-    parameters = pyproj.CRS.from_user_input(mesh.projection.crs).to_dict()
-    if "lon_0" in parameters and "lat_0" in parameters:
-        return float(parameters["lon_0"]), float(parameters["lat_0"])
+    """Longitude and latitude (degrees) of the middle, on ADCIRC's map that map's own.
+
+    The middle of the map counts for nothing but the direction of the shore.
+    """
+    operation = pyproj.CRS.from_user_input(mesh.projection.crs).coordinate_operation
+    if operation is not None and "Equidistant Cylindrical" in operation.method_name:
+        value = {p.name: p.value for p in operation.params}
+        return (
+            value["Longitude of natural origin"],
+            value["Latitude of 1st standard parallel"],
+        )
     place = mesh.projection.inverse(mesh.points)
     middle = 0.5 * (place.min(axis=0) + place.max(axis=0))
     return round(float(middle[0]), 6), round(float(middle[1]), 6)
@@ -358,6 +355,8 @@ def _astronomy(forcing: TideForcing, k: int) -> tuple[float, float]:
 def _boundary_constituents(
     mesh: CoastalMesh, forcing: TideForcing
 ) -> tuple[BoundaryConstituent, ...]:
+    if len(forcing.nodes) == 0:
+        return ()
     place = np.argsort(forcing.nodes)
     place = place[np.searchsorted(forcing.nodes[place], mesh.open_nodes)]
     driven = np.flatnonzero(np.abs(forcing.elevation).max(axis=1) > 0.0)
@@ -411,10 +410,15 @@ def _potential_rows(
             )
         factor, argument = _astronomy(forcing, k)
         argument += math.degrees(float(np.angle(amplitude)))
+        size, body = abs(amplitude), 1.0
+        known = potential_constituent(name)
+        if known is not None and math.isclose(
+            size, known.amplitude * known.body_factor, rel_tol=1e-9
+        ):
+            # As its users know them; ADCIRC multiplies the two.
+            size, body = known.amplitude, known.body_factor
         rows.append(
-            PotentialConstituent(
-                name, abs(amplitude), frequency, 1.0, factor, argument % 360.0
-            )
+            PotentialConstituent(name, size, frequency, body, factor, argument % 360.0)
         )
     return tuple(rows)
 

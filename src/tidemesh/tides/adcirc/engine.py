@@ -14,12 +14,7 @@ from tidemesh.datatypes import CoastalMesh, TideForcing, TideSolution
 from tidemesh.errors import EngineError
 from tidemesh.tides.adcirc.bottom import equivalent_friction
 from tidemesh.tides.adcirc.check import AdcircPending, RunReport, check_run
-from tidemesh.tides.adcirc.control import (
-    FRICTION,
-    RunInputs,
-    harmonic_order,
-    run_inputs,
-)
+from tidemesh.tides.adcirc.control import RunInputs, harmonic_order, run_inputs
 from tidemesh.tides.adcirc.folder import RunFolder, remove_results, write_inputs
 from tidemesh.tides.adcirc.launch import (
     command_line,
@@ -28,6 +23,8 @@ from tidemesh.tides.adcirc.launch import (
     run_adcirc,
 )
 from tidemesh.tides.adcirc.settings import AdcircSettings
+from tidemesh.tides.frequency_domain.nonlinear_terms import Places
+from tidemesh.tides.frequency_domain.solve import drag_coefficient
 from tidemesh.tides.settings import TideSettings
 
 logger = logging.getLogger(__name__)
@@ -89,7 +86,7 @@ class Adcirc:
             drag=drag,
             coriolis=coriolis,
         )
-        run = write_inputs(self.folder, inputs, forcing, self.settings)
+        run = write_inputs(self.folder, inputs, self.settings)
         for note in inputs.plan.notes:
             logger.info("%s: %s", run.path, note)
         results = self._results(run, progress)
@@ -104,7 +101,7 @@ class Adcirc:
             "largest_speed_m_s": results.largest_speed_m_s,
             "solver_iterations": results.solver_iterations,
         }
-        return tide_solution(results, inputs, mesh, forcing, self.tide)
+        return tide_solution(results, inputs, mesh, self.tide)
 
     def report(self) -> dict[str, Any]:
         """What there is to say of the last run: version, choices, warnings."""
@@ -149,11 +146,7 @@ class Adcirc:
 
 
 def tide_solution(
-    results: RunReport,
-    inputs: RunInputs,
-    mesh: CoastalMesh,
-    forcing: TideForcing,
-    tide: TideSettings,
+    results: RunReport, inputs: RunInputs, mesh: CoastalMesh, tide: TideSettings
 ) -> TideSolution:
     """Results of a run as the embedded engine gives them.
 
@@ -162,41 +155,50 @@ def tide_solution(
     Quadratic friction as the linear coefficient of every constituent that does the same
     work.
     """
+    forcing = inputs.forcing
     back = np.argsort(harmonic_order(forcing))
     elevation = np.nan_to_num(results.elevation.values[back])
     velocity = np.nan_to_num(results.velocity.values[back])
     if inputs.control.ics != 1:
         velocity = mesh.projection.from_east_north(mesh.points, velocity)
+    coriolis = inputs.coriolis
+    if coriolis is not None:
+        coriolis = np.broadcast_to(coriolis, mesh.depth.shape)
     return TideSolution(
         names=tuple(forcing.names),
         frequency=forcing.frequency,
         elevation=elevation,
         velocity=velocity,
-        friction=_friction(inputs, mesh, forcing, tide, velocity),
+        friction=_friction(inputs, mesh, tide, elevation, velocity),
         gravity=tide.gravity,
-        coriolis=None
-        if tide.coriolis == "none" and not np.any(inputs.coriolis)
-        else np.broadcast_to(inputs.coriolis, mesh.depth.shape),
+        coriolis=coriolis,
     )
 
 
 def _friction(
     inputs: RunInputs,
     mesh: CoastalMesh,
-    forcing: TideForcing,
     tide: TideSettings,
+    elevation: np.ndarray,
     velocity: np.ndarray,
 ) -> np.ndarray:
     depth = np.maximum(mesh.depth, inputs.plan.minimum_depth_m)
     coefficient = np.broadcast_to(inputs.coefficient, depth.shape)
     if tide.friction_law == "linear":
-        return np.array(coefficient)
-    if inputs.control.nwp and inputs.control.nwp[0] != FRICTION:
-        coefficient = tide.gravity * coefficient**2 / np.cbrt(depth)
-    # What ADCIRC felt were the currents of its own time.
+        return coefficient
+    forcing = inputs.forcing
+    # What the bottom felt were the currents of the run's own time.
     factor = 1.0 if forcing.nodal_factor is None else forcing.nodal_factor
     argument = 0.0 if forcing.argument is None else forcing.argument
-    turn = np.broadcast_to(factor * np.exp(1j * np.asarray(argument)), (len(velocity),))
+    turn = np.broadcast_to(factor * np.exp(1j * np.asarray(argument)), len(velocity))
+    driven = np.abs(forcing.elevation).max(axis=1, initial=0.0) > 0.0
+    if forcing.potential is not None:
+        driven |= np.abs(forcing.potential).max(axis=1) > 0.0
     return equivalent_friction(
-        turn[:, None, None] * velocity, forcing.frequency, coefficient / depth
+        forcing.frequency,
+        turn[:, None, None] * velocity,
+        turn[:, None] * elevation,
+        Places(depth, drag_coefficient(mesh, tide, coefficient)),
+        tide,
+        driven=driven,
     )

@@ -91,13 +91,12 @@ def write_run(
         drag=drag,
         coriolis=coriolis,
     )
-    return write_inputs(folder, inputs, forcing, settings)
+    return write_inputs(folder, inputs, settings)
 
 
 def write_inputs(
     folder: str | Path,
     inputs: RunInputs,
-    forcing: TideForcing,
     settings: AdcircSettings,
 ) -> RunFolder:
     """The same from inputs that are put together already."""
@@ -108,7 +107,7 @@ def write_inputs(
     beside = folder.with_name(f".{folder.name}.{os.getpid()}.part")
     try:
         beside.mkdir()
-        manifest = _write(beside, inputs, forcing, settings)
+        manifest = _write(beside, inputs, settings)
         if before is not None and before["inputs"] == manifest["inputs"]:
             # What is expected of the results may differ, not the run itself.
             _write_manifest(folder, manifest)
@@ -204,13 +203,12 @@ def _known(folder: Path) -> dict[str, Any] | None:
     return manifest
 
 
-def _write(
-    folder: Path, inputs: RunInputs, forcing: TideForcing, settings: AdcircSettings
-) -> dict[str, Any]:
+def _write(folder: Path, inputs: RunInputs, settings: AdcircSettings) -> dict[str, Any]:
     write_fort14(folder / "fort.14", inputs.mesh, title="mesh for a tide run")
     write_fort15(folder / "fort.15", inputs.control)
     if inputs.attributes is not None:
         write_fort13(folder / "fort.13", inputs.attributes)
+    forcing = inputs.forcing
     order = harmonic_order(forcing)
     manifest = {
         "inputs": {

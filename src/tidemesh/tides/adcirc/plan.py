@@ -11,6 +11,7 @@ from tidemesh.constants import GRAVITY
 from tidemesh.datatypes import CoastalMesh, TideForcing
 from tidemesh.errors import InputError, MeshError
 from tidemesh.tides.adcirc.settings import SCHEMES, AdcircSettings
+from tidemesh.tides.frequency_domain.solve import is_nonlinear
 from tidemesh.tides.settings import TideSettings
 
 DAY_S = 86400.0
@@ -109,11 +110,6 @@ def plan_run(
         minimum_depth_m=least,
         notes=tuple(notes),
     )
-
-
-def is_nonlinear(tide: TideSettings) -> bool:
-    """Whether any term of the equations is not linear."""
-    return tide.friction_law != "linear" or tide.finite_amplitude or tide.advection
 
 
 def separation_days(forcing: TideForcing) -> tuple[float, str]:
