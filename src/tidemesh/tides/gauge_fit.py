@@ -1,0 +1,623 @@
+"""Ocean boundary values from harmonic constants at gauges.
+
+The tide is linear in its boundary values, so one transposed solve for each gauge gives
+the exact effect of every boundary node on it. The boundary values follow by least
+squares, tied together by their smoothness along the boundary (docs/method.md, 4).
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import msgspec
+import numpy as np
+import scipy.linalg
+import scipy.sparse as sparse
+
+from tidemesh.datatypes import CoastalMesh, TideForcing, TideSolution, TideTable
+from tidemesh.datatypes._arrays import ComplexArray, FloatArray, own_fields
+from tidemesh.errors import EngineError, InputError
+from tidemesh.tides.frequency_domain.gwce import GwceEquation, symbols_for
+from tidemesh.tides.frequency_domain.solve import is_nonlinear, solve
+from tidemesh.tides.frequency_domain.wave_equation import (
+    FactorisedWave,
+    Symbols,
+    WaveEquation,
+)
+from tidemesh.tides.settings import TideSettings
+from tidemesh.triangulation.locate import Locator
+
+logger = logging.getLogger(__name__)
+
+SAME_GAUGE_M = 500.0
+"""Rows of the table nearer to each other than this are one gauge."""
+
+SLOPE_PENALTY = 0.01
+"""Weight of the first derivative along the boundary beside that of the second: a linear
+trend across the whole of it costs 1/5000 of an arch of the same height."""
+
+WEAKEST, STRONGEST, CHOICES = 1.0e-8, 1.0e2, 81
+"""Smoothness tried by leaving gauges out, times the largest effect of the data."""
+
+DEFAULT_SMOOTHNESS = 1.0e-2
+"""The same, where two gauges or less leave nothing to choose it by."""
+
+LEAST_OUTLIER = 0.05
+"""A gauge whose leave-one-out error is a smaller part of its tide is no outlier."""
+
+FEWEST_TO_JUDGE = 5
+"""Gauges that it takes to call one of them an outlier."""
+
+MAX_PASSES = 5
+PASS_TOLERANCE = 1.0e-3
+"""Fits with nonlinear friction end at this relative change of the boundary values."""
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A row of the table that took no part in the fit."""
+
+    station: str
+    longitude_deg: float
+    latitude_deg: float
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class BoundaryFit:
+    """Boundary values fitted to gauges, and how well they do it."""
+
+    forcing: TideForcing
+    """The fitted values at the open nodes."""
+    gauges: TideTable
+    """The (n_g,) gauges that were used, with their observed constants; NaN where a
+    constituent is absent."""
+    left_out: tuple[LeftOut, ...]
+    """The other rows of the table, each with the reason."""
+    modelled: ComplexArray
+    """(n_c, n_g) m, of the fitted boundary."""
+    leave_one_out: ComplexArray
+    """(n_c, n_g) m, observed minus what the fit without that gauge predicts for it; NaN
+    where the constituent is absent or nothing else is left to fit."""
+    smoothness: FloatArray
+    """(n_c,) weight of the smoothness against the misfit."""
+
+    def __post_init__(self) -> None:
+        n_c, n_g = self.gauges.elevation.shape
+        own_fields(
+            self,
+            modelled=(np.complex128, (n_c, n_g)),
+            leave_one_out=(np.complex128, (n_c, n_g)),
+            smoothness=(np.float64, (n_c,)),
+        )
+
+    @property
+    def observed(self) -> ComplexArray:
+        """(n_c, n_g) m, NaN where absent."""
+        return self.gauges.elevation
+
+    @property
+    def residual(self) -> ComplexArray:
+        """(n_c, n_g) m, observed minus modelled, NaN where absent."""
+        return self.observed - self.modelled
+
+
+def fit_boundary(
+    mesh: CoastalMesh,
+    table: TideTable,
+    settings: TideSettings | None = None,
+    *,
+    smoothness: float | np.ndarray | None = None,
+    first_guess: TideForcing | None = None,
+    max_distance_m: float = 3_000.0,
+    minimum_gauges: int = 1,
+    outlier: float | None = None,
+    friction: float | np.ndarray | None = None,
+    drag: float | np.ndarray | None = None,
+    complete: Callable[[TideForcing], TideForcing] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> BoundaryFit:
+    """Fit smooth boundary values to the harmonic constants of gauges.
+
+    Minimises, for every constituent, the sum over the gauges of |observed - modelled|^2
+    plus the smoothness times L^3 times the integral of |b''|^2 along the boundary of
+    length L, with a weak part of b' that ties the boundary to a constant where no gauge
+    sees it. Every gauge counts the same.
+
+    Parameters
+    ----------
+    mesh : CoastalMesh
+    table : TideTable
+        Constants at gauges. Amplitudes of exactly zero stand for "not determined".
+    settings : TideSettings, optional
+        Constituents to fit, physics. With nonlinear friction the fit and the nonlinear
+        solve alternate until the boundary values stand still.
+    smoothness : float or (n_c,) array, optional
+        Its weight; if not given, the largest one whose sum of squared leave-one-out
+        errors is the least, within one standard error of that sum. (The least itself
+        follows the gauges so closely that the boundary far from them runs wild.)
+    first_guess : TideForcing, optional
+        Boundary values of the same open nodes (an atlas, for instance): what is fitted
+        and kept smooth is the difference from them.
+    max_distance_m : float
+        Farthest that a gauge may lie outside the mesh.
+    minimum_gauges : int
+        Fewest gauges for any constituent.
+    outlier : float, optional
+        Gauges are left out, the worst first, whose leave-one-out error is more than so
+        many times the median (2.5, for instance): in creeks and rivers that the mesh
+        does not hold, as long as most gauges are on open water. None keeps all.
+    friction : float, (n_points,) or (n_triangles,) array, optional
+        Linear friction coefficient (1/s), instead of the settings' one value.
+    drag : float or (n_points,) array, optional
+        Drag coefficient or Manning's n, instead of the settings' one value.
+    complete : callable, optional
+        Adds to a forcing what else drives the tide (nodal factors, tidal potential).
+    progress : callable, optional
+        Called with the fraction done.
+
+    Returns
+    -------
+    fit : BoundaryFit
+
+    Raises
+    ------
+    InputError
+        If a constituent is not in the table, too few gauges have it inside the mesh, or
+        the first guess belongs to another mesh.
+    EngineError
+        If the mesh has no open boundary.
+
+    Notes
+    -----
+    With b = guess + c + P^+ G' y the fitted values are linear in the data, so the error
+    of a gauge that is left out follows from the fit with all of them (Wahba 1990,
+    Spline Models for Observational Data, chapter 4). With nonlinear friction these
+    errors are those of the last linear fit, friction held.
+    """
+    settings = TideSettings() if settings is None else settings
+    complete = _unchanged if complete is None else complete
+    report = _ignore if progress is None else progress
+    nodes = mesh.open_nodes
+    if len(nodes) == 0:
+        raise EngineError(
+            "the mesh has no open (ocean) boundary, so there is nothing to fit"
+        )
+    rows = _rows(table, settings.constituents)
+    gauges, place, left_out = _choose_gauges(
+        mesh, table, rows, max_distance_m, minimum_gauges
+    )
+    n_c = len(rows)
+    first = _first_values(first_guess, gauges.names, nodes)
+    given = _checked_smoothness(smoothness, n_c)
+    roughness = Roughness(mesh)
+    equation = _equation(mesh, nodes, settings, friction)
+
+    def forcing_of(boundary: np.ndarray) -> TideForcing:
+        return complete(TideForcing(gauges.names, gauges.frequency, nodes, boundary))
+
+    nonlinear = is_nonlinear(settings)
+    forcing, tide = forcing_of(first), None
+    if forcing.potential is not None:
+        tide = solve(mesh, forcing, _linear(settings), friction=friction)
+    passes = MAX_PASSES if nonlinear else 1
+    for step in range(passes):
+        report(step / passes)
+        effect = _effects(equation, tide, gauges.frequency, place)
+        # What the boundary values do not make: potential, nonlinear terms.
+        rest = np.zeros(gauges.elevation.shape, dtype=np.complex128)
+        if tide is not None:
+            rest = tide.elevation[:n_c] @ place.T
+            rest -= np.einsum("cgo,co->cg", effect, forcing.elevation)
+        while step == 0 and outlier is not None:
+            judged = _fit_all(
+                effect, gauges.elevation - rest, first, roughness, given, closest=True
+            )
+            worst = _outlier(judged, gauges.elevation, outlier, minimum_gauges)
+            if worst is None:
+                break
+            left_out.append(_rejected(gauges, worst, judged))
+            kept = np.delete(np.arange(len(gauges.stations)), worst)
+            gauges, place = _subset(gauges, kept), place[kept]
+            effect, rest = effect[:, kept], rest[:, kept]
+        fits = _fit_all(effect, gauges.elevation - rest, first, roughness, given)
+        boundary = np.stack([fit.boundary for fit in fits])
+        change = _relative_change(forcing.elevation, boundary)
+        forcing = forcing_of(boundary)
+        logger.info("pass %d: boundary values changed by %.1e", step + 1, change)
+        if not nonlinear or (step > 0 and change < PASS_TOLERANCE):
+            break
+        if step == 1 and given is None:
+            # Held from here on, or the choice could change back and forth.
+            given = np.array([fit.smoothness for fit in fits])
+        if step < passes - 1:
+            tide = solve(mesh, forcing, settings, friction=friction, drag=drag)
+    else:
+        logger.warning("boundary values still change by %.1e", change)
+    report(1.0)
+    return BoundaryFit(
+        forcing=forcing,
+        gauges=gauges,
+        left_out=tuple(left_out),
+        modelled=np.einsum("cgo,co->cg", effect, boundary) + rest,
+        leave_one_out=np.stack([fit.leave_one_out for fit in fits]),
+        smoothness=np.array([fit.smoothness for fit in fits]),
+    )
+
+
+def gauge_effects(wave: FactorisedWave, place: sparse.csr_array) -> np.ndarray:
+    """Effect of the open nodes on places inside.
+
+    Parameters
+    ----------
+    wave : FactorisedWave
+    place : (n_g, n_points) sparse array
+        Weights of the nodes at each place.
+
+    Returns
+    -------
+    effect : (n_g, n_ocean) complex array
+        Elevation at the places, by one metre at one open node and none at the others.
+    """
+    equation = wave.equation
+    ordered = sparse.csr_array(place)[:, np.argsort(equation._place)]
+    inside = ordered[:, : equation._n_free]
+    adjoint = wave._factorisation.solve(inside.toarray().T, transpose=True)
+    edge = ordered[:, equation._n_free :].toarray()
+    return edge - (wave._forcing.T @ adjoint).T
+
+
+class Roughness:
+    """Penalty of boundary values that are not smooth along the open boundary.
+
+    ``b' P b`` is L^3 times the integral of |b''|^2 plus `SLOPE_PENALTY` L times that of
+    |b'|^2, string by string, plus what the means of several strings differ by. It has
+    the units of b^2, and is zero for constants alone.
+
+    Parameters
+    ----------
+    mesh : CoastalMesh
+    """
+
+    def __init__(self, mesh: CoastalMesh):
+        nodes = mesh.open_nodes
+        column = np.full(len(mesh.points), -1)
+        column[nodes] = np.arange(len(nodes))
+        strings = [b for b in mesh.boundaries if b.kind == "open"]
+        gaps = [_gaps(mesh.points, b.nodes, b.closed) for b in strings]
+        length = sum(gap.sum() for gap in gaps)
+        blocks = []
+        for string, gap in zip(strings, gaps):
+            first = np.append(string.nodes, string.nodes[:1] if string.closed else [])
+            blocks += _derivatives(column[first.astype(int)], gap, length, len(nodes))
+        means = np.zeros((len(strings), len(nodes)))
+        for row, string in zip(means, strings):
+            np.add.at(row, column[string.nodes], 1.0 / len(string.nodes))
+        blocks.append(sparse.csr_array(means - means.mean(axis=0)))
+        root = sparse.vstack(blocks)
+        self.matrix = (root.T @ root).toarray()
+        """(n_ocean, n_ocean) float array P."""
+        n = len(nodes)
+        # Regular with the constants in, which `_fit` takes care of by themselves.
+        level = max(np.trace(self.matrix) / n, 1.0) / n
+        self._factor = np.linalg.cholesky(self.matrix + level)
+
+    def half_inverse(self, columns: np.ndarray) -> np.ndarray:
+        """R^-1 times (n_ocean, k), where R R' = P."""
+        return scipy.linalg.solve_triangular(self._factor, columns, lower=True)
+
+    def half_inverse_transposed(self, columns: np.ndarray) -> np.ndarray:
+        """R'^-1 times (n_ocean,) or (n_ocean, k)."""
+        return scipy.linalg.solve_triangular(
+            self._factor, columns, lower=True, trans="T"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    boundary: np.ndarray
+    leave_one_out: np.ndarray
+    smoothness: float
+
+
+def _fit(
+    effect: np.ndarray,
+    observed: np.ndarray,
+    guess: np.ndarray,
+    roughness: Roughness,
+    smoothness: float | None,
+    *,
+    closest: bool = False,
+) -> _Fit:
+    """Penalised least squares of one constituent.
+
+    The constant part T of the effect costs nothing, so the misfit of the data in its
+    direction is zero; across it the penalty makes a kernel K = G P^+ G', whose
+    eigenvectors serve every smoothness s: with Q = Z V (D + s)^-1 V' Z' the residual is
+    s Q d, and that of gauge i left out (Q d)_i / Q_ii. The smoothness, if not given, is
+    the one of the least sum of these squared (`closest`), or the largest not worse by
+    more than its standard error.
+    """
+    known = np.isfinite(observed)
+    effect, data = effect[known], observed[known] - effect[known] @ guess
+    constant = effect.sum(axis=1)
+    half = roughness.half_inverse(effect.conj().T)
+    across = np.linalg.qr(constant[:, None], mode="complete")[0][:, 1:]
+    kernel = half @ across
+    values, vectors = np.linalg.eigh(kernel.conj().T @ kernel)
+    values, vectors = np.maximum(values, 0.0), across @ vectors
+    scale = float(values.max(initial=0.0)) or 1.0
+    score = vectors.conj().T @ data
+
+    def left_out(weight: float) -> np.ndarray:
+        share = (np.abs(vectors) ** 2) @ (1.0 / (values + weight))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return vectors @ (score / (values + weight)) / share
+
+    if smoothness is None:
+        if len(data) < 3:
+            smoothness = DEFAULT_SMOOTHNESS * scale
+        else:
+            tried = scale * np.geomspace(STRONGEST, WEAKEST, CHOICES)
+            squares = np.abs(np.stack([left_out(weight) for weight in tried])) ** 2
+            least = squares[int(np.argmin(squares.sum(axis=1)))]
+            error = 0.0 if closest else np.sqrt(len(data)) * least.std(ddof=1)
+            smoothness = float(
+                tried[int(np.argmax(squares.sum(axis=1) <= least.sum() + error))]
+            )
+    pull = vectors @ (score / (values + smoothness))
+    smooth = roughness.half_inverse_transposed(half @ pull)
+    misfit = data - smoothness * pull - effect @ smooth
+    level = (constant.conj() @ misfit) / (constant.conj() @ constant)
+    errors = np.full(len(observed), complex(np.nan, np.nan))
+    if len(data) > 1:
+        errors[known] = left_out(smoothness)
+    return _Fit(guess + smooth + level, errors, smoothness)
+
+
+def _fit_all(
+    effect: np.ndarray,
+    observed: np.ndarray,
+    first: np.ndarray,
+    roughness: Roughness,
+    given: np.ndarray | None,
+    *,
+    closest: bool = False,
+) -> list[_Fit]:
+    weights = [None] * len(observed) if given is None else given
+    return [
+        _fit(*row, roughness, weight, closest=closest)
+        for *row, weight in zip(effect, observed, first, weights)
+    ]
+
+
+def _outlier(
+    fits: list[_Fit], observed: np.ndarray, factor: float, minimum: int
+) -> int | None:
+    """The gauge that disagrees most with all others, if it does so by too much."""
+    error = _total(np.stack([fit.leave_one_out for fit in fits]))
+    tide = _total(observed)
+    enough = np.isfinite(observed).sum(axis=1).min() > minimum
+    if len(error) < FEWEST_TO_JUDGE or not enough:
+        return None
+    worst = int(np.argmax(error))
+    limit = max(factor * float(np.median(error)), LEAST_OUTLIER * tide[worst])
+    return worst if error[worst] > limit else None
+
+
+def _rejected(gauges: TideTable, worst: int, fits: list[_Fit]) -> LeftOut:
+    error = _total(np.stack([fit.leave_one_out for fit in fits]))
+    reason = (
+        f"disagrees with the others by {error[worst]:.3f} m, where half of them agree "
+        f"to {np.median(error):.3f} m"
+    )
+    logger.info("%s left out: %s", gauges.stations[worst], reason)
+    return LeftOut(
+        gauges.stations[worst],
+        float(gauges.longitude_deg[worst]),
+        float(gauges.latitude_deg[worst]),
+        reason,
+    )
+
+
+def _total(amplitudes: np.ndarray) -> np.ndarray:
+    """(n_c, n_g) -> (n_g,) root of the sum of squares, what is absent left out."""
+    return np.sqrt(np.nansum(np.abs(amplitudes) ** 2, axis=0))
+
+
+def _effects(
+    equation: WaveEquation,
+    tide: TideSolution | None,
+    frequency: np.ndarray,
+    place: sparse.csr_array,
+) -> np.ndarray:
+    """(n_c, n_g, n_ocean) effect of the boundary, with the friction of a tide."""
+    effects = []
+    for k, omega in enumerate(frequency):
+        at = equation
+        if tide is not None and tide.friction.ndim == 2:
+            at = equation.with_friction(tide.friction[k])
+        if isinstance(at, GwceEquation):
+            symbols = symbols_for(omega, at.settings)
+        else:
+            symbols = Symbols.exact(omega)
+        effects.append(gauge_effects(at.factorise(symbols), place))
+    return np.stack(effects)
+
+
+def _equation(
+    mesh: CoastalMesh,
+    nodes: np.ndarray,
+    settings: TideSettings,
+    friction: float | np.ndarray | None,
+) -> WaveEquation:
+    kind = GwceEquation if settings.discretisation == "gwce" else WaveEquation
+    return kind(mesh, nodes, settings, friction=friction)
+
+
+def _linear(settings: TideSettings) -> TideSettings:
+    return msgspec.structs.replace(
+        settings,
+        friction_law="linear",
+        finite_amplitude=False,
+        advection=False,
+        overtides=(),
+    )
+
+
+def _gaps(points: np.ndarray, nodes: np.ndarray, closed: bool) -> np.ndarray:
+    """Distances (m) between neighbours along a string."""
+    run = points[np.append(nodes, nodes[:1])] if closed else points[nodes]
+    return np.hypot(*np.diff(run, axis=0).T)
+
+
+def _derivatives(
+    columns: np.ndarray, gap: np.ndarray, length: float, n: int
+) -> list[sparse.csr_array]:
+    """First and second derivative along a string, scaled for the sum of squares."""
+    m = len(gap)
+    if m == 0:
+        return []
+    row = np.arange(m)
+    slope = sparse.csr_array(
+        (
+            np.concatenate([-1.0 / gap, 1.0 / gap]),
+            (np.concatenate([row, row]), np.concatenate([columns[:-1], columns[1:]])),
+        ),
+        shape=(m, n),
+    )
+    closed = columns[0] == columns[-1]
+    after = np.roll(row, -1) if closed else row[1:]
+    before = row if closed else row[:-1]
+    between = 0.5 * (gap[before] + gap[after])
+    bend = sparse.diags_array(1.0 / between) @ (slope[after] - slope[before])
+    return [
+        sparse.diags_array(np.sqrt(SLOPE_PENALTY * length * gap)) @ slope,
+        sparse.diags_array(np.sqrt(length**3 * between)) @ bend,
+    ]
+
+
+def _choose_gauges(
+    mesh: CoastalMesh,
+    table: TideTable,
+    rows: list[int],
+    max_distance_m: float,
+    minimum: int,
+) -> tuple[TideTable, sparse.csr_array, list[LeftOut]]:
+    """Gauges to fit, the weights of the nodes at them, and the rows left out."""
+    positions = mesh.projection.forward(table.longitude_deg, table.latitude_deg)
+    triangle, weight, distance = Locator(mesh.points, mesh.triangles).nearest(positions)
+    elevation = np.where(table.elevation == 0.0, np.nan, table.elevation)[rows]
+    known = np.isfinite(elevation).any(axis=0)
+    stations = table.stations or tuple(f"row {k + 1}" for k in range(len(positions)))
+    used: list[int] = []
+    left_out = []
+    for k in range(len(positions)):
+        reason = None
+        apart = np.hypot(*(positions[used] - positions[k]).T)
+        if triangle[k] < 0 or distance[k] > max_distance_m:
+            reason = f"{distance[k] / 1e3:.1f} km outside the mesh"
+        elif not known[k]:
+            reason = "none of the constituents is known there"
+        elif len(used) and apart.min() < SAME_GAUGE_M:
+            reason = f"repeats {stations[used[int(np.argmin(apart))]]}"
+        if reason is None:
+            used.append(k)
+        else:
+            longitude, latitude = table.longitude_deg[k], table.latitude_deg[k]
+            left_out.append(
+                LeftOut(stations[k], float(longitude), float(latitude), reason)
+            )
+    names = tuple(table.names[row] for row in rows)
+    count = np.isfinite(elevation[:, used]).sum(axis=1)
+    for name, number in zip(names, count.tolist()):
+        if number < max(minimum, 1):
+            raise InputError(
+                f"{number} gauges in the mesh or within {max_distance_m / 1e3:g} km of "
+                f"it know {name}, and the boundary fit needs {max(minimum, 1)}: use a "
+                "table with gauges on this coast (longitudes are positive to the east)"
+            )
+    corner = mesh.triangles[triangle[used]]
+    place = sparse.csr_array(
+        (weight[used].ravel(), corner.ravel(), np.arange(0, 3 * len(used) + 1, 3)),
+        shape=(len(used), len(mesh.points)),
+    )
+    wanted = replace(
+        table,
+        names=names,
+        frequency=table.frequency[rows],
+        elevation=elevation,
+        stations=stations,
+    )
+    return _subset(wanted, np.array(used)), place, left_out
+
+
+def _subset(table: TideTable, kept: np.ndarray) -> TideTable:
+    return replace(
+        table,
+        longitude_deg=table.longitude_deg[kept],
+        latitude_deg=table.latitude_deg[kept],
+        elevation=table.elevation[:, kept],
+        stations=tuple(table.stations[k] for k in kept),
+    )
+
+
+def _rows(table: TideTable, names: tuple[str, ...]) -> list[int]:
+    known = [name.upper() for name in table.names]
+    missing = [name for name in names if name.upper() not in known]
+    if missing:
+        raise InputError(
+            f"the table of gauges has no {', '.join(missing)}; it has "
+            + ", ".join(table.names)
+        )
+    return [known.index(name.upper()) for name in names]
+
+
+def _first_values(
+    guess: TideForcing | None, names: tuple[str, ...], nodes: np.ndarray
+) -> np.ndarray:
+    if guess is None:
+        return np.zeros((len(names), len(nodes)), dtype=np.complex128)
+    if not np.array_equal(guess.nodes, nodes):
+        raise InputError(
+            "the first guess of the boundary values is not for the open nodes of this "
+            "mesh: interpolate it to them (boundary_forcing)"
+        )
+    known = [name.upper() for name in guess.names]
+    missing = [name for name in names if name.upper() not in known]
+    if missing:
+        raise InputError(
+            f"the first guess of the boundary values has no {', '.join(missing)}; it "
+            "has " + ", ".join(guess.names)
+        )
+    return guess.elevation[[known.index(name.upper()) for name in names]]
+
+
+def _checked_smoothness(
+    smoothness: float | np.ndarray | None, n_c: int
+) -> np.ndarray | None:
+    if smoothness is None:
+        return None
+    values = np.asarray(smoothness, dtype=np.float64)
+    if values.shape not in ((), (n_c,)):
+        raise ValueError(
+            f"smoothness must be a number or ({n_c},), got shape {values.shape}"
+        )
+    if not (np.isfinite(values) & (values > 0.0)).all():
+        raise InputError("the smoothness of the boundary fit must be positive")
+    return np.broadcast_to(values, (n_c,))
+
+
+def _relative_change(old: np.ndarray, new: np.ndarray) -> float:
+    size = np.linalg.norm(new)
+    return float(np.linalg.norm(new - old) / size) if size > 0.0 else 0.0
+
+
+def _unchanged(forcing: TideForcing) -> TideForcing:
+    return forcing
+
+
+def _ignore(_: float) -> None:
+    pass
