@@ -287,6 +287,24 @@ def test_missing_empty_and_broken_files(tmp_path):
             read_fort15(tmp_path / name)
 
 
+def test_a_line_too_few_or_too_many_is_noticed(path, mesh):
+    lines = CONTROL.splitlines(keepends=True)
+    quiet = []
+    for k, line in enumerate(lines):
+        for more, text in (
+            (-1, lines[:k] + lines[k + 1 :]),
+            (1, [*lines[:k], line, *lines[k:]]),
+        ):
+            try:
+                read_text(path, "".join(text), mesh)
+            except FormatError:
+                continue
+            quiet.append((more, line.strip()))
+    # Without its first line the range of tau0 is a tau0, Fortran skips blank lines, and
+    # what follows the last record is no concern of it.
+    assert quiet == [(-1, "-5.0"), (-1, ""), (1, ""), (1, "1 0 1.E-10 25")]
+
+
 def test_every_cut_is_noticed(path, mesh, caplog):
     rng = np.random.default_rng(5)
     last = CONTROL.rindex("25")

@@ -559,10 +559,8 @@ def _read(lines: Records, mesh: CoastalMesh | None) -> ControlFile:
         "nolica": lines.choice("NOLICA", (0, 1)),
         "nolicat": lines.choice("NOLICAT", (0, 1)),
     }
-    values["nwp"] = tuple(
-        lines.values("the name of a nodal attribute", "w")[0]
-        for _ in range(lines.count("NWP, the number of nodal attributes"))
-    )
+    number = lines.count("NWP, the number of nodal attributes")
+    values["nwp"] = tuple(_read_attribute(lines) for _ in range(number))
     values["ncor"] = lines.choice("NCOR", (0, 1))
     values["ntip"] = lines.choice("NTIP", (0, 1, 2))
     values["nws"] = _read_weather(lines)
@@ -602,6 +600,13 @@ def _read(lines: Records, mesh: CoastalMesh | None) -> ControlFile:
     lines.warn_of_open_end()
     values["namelists"] = lines.rest()
     return ControlFile(**values)
+
+
+def _read_attribute(lines: Records) -> str:
+    (name,) = lines.values("the name of a nodal attribute", "w")
+    if begins_with_numbers(name, 1):
+        raise lines.error(f'expected the name of a nodal attribute, got "{name}"')
+    return name
 
 
 def _read_model(lines: Records) -> int:
