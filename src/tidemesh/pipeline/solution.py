@@ -75,7 +75,7 @@ def read_solution(
     """
     path = find_solution(path)
     if path.suffix == ".nc":
-        own = _read_ours(path, mesh)
+        own = _read_ours(path, mesh, settings)
         if own is not None:
             return own
     if mesh is None:
@@ -84,14 +84,14 @@ def read_solution(
 
 
 def _read_ours(
-    path: Path, mesh: CoastalMesh | None
+    path: Path, mesh: CoastalMesh | None, settings: TideSettings | None
 ) -> tuple[CoastalMesh, TideSolution] | None:
     try:
         own, fields = read_ugrid(path)
     except FormatError:
         # ADCIRC's NetCDF names its mesh in an older way.
         return None
-    tide = solution_of(own, fields)
+    tide = solution_of(own, fields, settings)
     if tide is None:
         return None
     if mesh is not None and len(mesh.points) != len(own.points):

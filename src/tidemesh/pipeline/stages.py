@@ -376,7 +376,9 @@ def depths_of(
     def bed(places: np.ndarray, _: np.ndarray) -> np.ndarray:
         return locator.interpolate(base.depth, places)
 
-    return volume_corrected(points, triangles, depth, bed, float(spacing.min()))
+    depth = volume_corrected(points, triangles, depth, bed, float(spacing.min()))
+    # Rounding must not take a depth below the least one.
+    return np.clip(depth, base.depth.min(), base.depth.max())
 
 
 def place_nodes(

@@ -388,8 +388,15 @@ def tide_fields(mesh: CoastalMesh, tide: TideSolution) -> list[Field]:
     return fields
 
 
-def solution_of(mesh: CoastalMesh, fields: Mapping[str, Field]) -> TideSolution | None:
-    """The solution that `tide_fields` wrote, or None if the fields hold none."""
+def solution_of(
+    mesh: CoastalMesh,
+    fields: Mapping[str, Field],
+    settings: TideSettings | None = None,
+) -> TideSolution | None:
+    """The solution that `tide_fields` wrote, or None if the fields hold none.
+
+    Friction that is not among the fields is the settings'.
+    """
     names = [n.removeprefix("elevation_") for n in fields if n.startswith("elevation_")]
     names = [n for n in names if f"u_{n}" in fields and f"v_{n}" in fields]
     if not names:
@@ -402,6 +409,9 @@ def solution_of(mesh: CoastalMesh, fields: Mapping[str, Field]) -> TideSolution 
     ]
     if "friction" in fields:
         friction = fields["friction"].values
+    elif f"friction_{names[0]}" not in fields:
+        given = TideSettings() if settings is None else settings
+        friction = np.full(len(mesh.points), given.friction)
     else:
         friction = np.stack([fields[f"friction_{n}"].values for n in names])
     coriolis = fields["coriolis"].values if "coriolis" in fields else None
