@@ -123,6 +123,9 @@ def projected_gradient(
 
     gradient = elements.to_corners(elements.gradient_of(nodal))
     load = np.stack([elements.scatter(area / 3.0 * part) for part in gradient])
+    if elements.axes is not None:
+        # The mass matrix couples nodes: all need the same axes.
+        load = np.einsum("ick,ik->ck", elements.axes, load)
     rhs = np.concatenate([load.real, load.imag]).T
     inverse = 1.0 / diagonal[:, None]
     solution = inverse * rhs
@@ -132,7 +135,10 @@ def projected_gradient(
     goal = tolerance**2 * (rhs * inverse * rhs).sum(axis=0)
     for _ in range(100):
         if (rho <= goal).all():
-            return (solution[:, :2] + 1j * solution[:, 2:]).T
+            found = (solution[:, : len(load)] + 1j * solution[:, len(load) :]).T
+            if elements.axes is None:
+                return found
+            return np.einsum("ick,ck->ik", elements.axes, found)
         image = mass @ search
         curvature = (search * image).sum(axis=0)
         step = np.divide(rho, curvature, out=np.zeros_like(rho), where=curvature > 0.0)
