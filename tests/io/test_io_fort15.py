@@ -174,6 +174,15 @@ def test_written_is_read(tmp_path, path, mesh, with_mesh, suffix):
     assert again.read_bytes() == first
 
 
+def test_names_stand_at_the_beginning_of_their_lines(path):
+    """ADCIRC compares those of the tidal potential blank by blank with its fort.24."""
+    write_fort15(path, read_text(path, CONTROL))
+    lines = path.read_text().splitlines()
+    assert lines[:2] == ["small bay", "two constituents"]
+    named = [line[:5] for line in lines if line.endswith(("TAG", "ALPHA", "NAMEFR"))]
+    assert named == ["M2   ", "M2   ", "K1   ", "M2   ", "K1   ", "STEAD", "M2   "]
+
+
 def test_netcdf_lines_and_namelists_are_carried_through(path):
     header = [f"line {k}" for k in range(9)] + ["2020-04-28 00:00:00"]
     tail = "&WarnElevControl WarnElev=2.0,\n ErrorElev=5.0 /\n&metControl\n/"

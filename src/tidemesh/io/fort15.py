@@ -928,10 +928,13 @@ def _written(control: ControlFile) -> list[str]:
         text = " ".join(v if isinstance(v, str) else text_of(v) for v in values)
         lines.append(f" {text:<37s} ! {comment}")
 
-    # Without a comment: ADCIRC copies these lines into its output.
-    lines += [
-        " " + " ".join(t.split()) for t in (control.run_description, control.run_id)
-    ]
+    def add_name(comment: str, name: str) -> None:
+        # ADCIRC compares names with their blanks (fort.24): none in front.
+        lines.append(f"{name:<38s} ! {comment}")
+
+    # Without comments: ADCIRC copies these lines into its output.
+    for text in (control.run_description, control.run_id):
+        lines.append(" ".join(text.split()))
     add("NFOVER", control.nfover)
     add("NABOUT", control.nabout)
     add("NSCREEN", control.nscreen)
@@ -979,7 +982,7 @@ def _written(control: ControlFile) -> list[str]:
     add("CORI", float(control.cori))
     add("NTIF", len(control.potential))
     for row in control.potential:
-        add("TIPOTAG", row.name)
+        add_name("TIPOTAG", row.name)
         add(
             "TPK, AMIGT, ETRF, FFT, FACET",
             float(row.amplitude),
@@ -989,16 +992,16 @@ def _written(control: ControlFile) -> list[str]:
             float(row.argument_deg),
         )
     add("NBFR", len(control.forcing))
-    _add_heads(add, control.forcing, "BOUNTAG", "AMIG, FF, FACE")
+    _add_heads(add, add_name, control.forcing, "BOUNTAG", "AMIG, FF, FACE")
     for forced in control.forcing:
-        add("ALPHA", forced.name)
+        add_name("ALPHA", forced.name)
         lines += [f" {size} {lag}" for size, lag in _pairs(forced.elevation)]
     add("ANGINN", float(control.angle_minimum))
     if control.nffr is not None:
         add("NFFR", control.nffr)
-        _add_heads(add, control.flux, "FBOUNTAG", "FAMIG, FFF, FFACE")
+        _add_heads(add, add_name, control.flux, "FBOUNTAG", "FAMIG, FFF, FFACE")
         for flow in control.flux:
-            add("ALPHA", flow.name)
+            add_name("ALPHA", flow.name)
             rising = np.isfinite(flow.elevation)
             level = _pairs(np.where(rising, flow.elevation, 0.0))
             for row, both, more in zip(_pairs(flow.flux), rising, level):
@@ -1015,7 +1018,7 @@ def _written(control: ControlFile) -> list[str]:
     _add_output(add, "GE", control.global_elevation)
     _add_output(add, "GV", control.global_velocity)
     add("NFREQ", len(control.harmonic))
-    _add_heads(add, control.harmonic, "NAMEFR", "HAFREQ, HAFF, HAFACE")
+    _add_heads(add, add_name, control.harmonic, "NAMEFR", "HAFREQ, HAFF, HAFACE")
     add(
         "THAS, THAF, NHAINC, FMV",
         *map(float, control.harmonic_days),
@@ -1032,9 +1035,11 @@ def _written(control: ControlFile) -> list[str]:
     return lines
 
 
-def _add_heads(add: Callable, rows: Sequence, tag: str, comment: str) -> None:
+def _add_heads(
+    add: Callable, add_name: Callable, rows: Sequence, tag: str, comment: str
+) -> None:
     for row in rows:
-        add(tag, row.name)
+        add_name(tag, row.name)
         add(
             comment,
             float(row.frequency),
