@@ -49,8 +49,14 @@ KEPT_UNKNOWNS = 2_000_000
 _REFACTOR = 0.2
 """Relative change of T above which the equations are factorised again."""
 
+_TOO_WEAK = 1.0
+"""The same at one place, upwards: with too little of T an iteration overshoots."""
+
 _STILL = 1.0e-3
 """Least mean derivative of the friction over the largest frequency."""
+
+_DAILY = 7.3e-5
+"""rad/s, where nothing oscillates."""
 
 _HISTORY = 6
 """Iterations that the acceleration draws on."""
@@ -137,6 +143,8 @@ class HarmonicBalance:
             equation._element_friction,
         )
         settings = equation.settings
+        rates = [abs(s.momentum) for s in drive.symbols if s.momentum]
+        self._rates = rates if rates else [_DAILY]
         self._threads = min(settings.threads, len(drive.names))
         size = len(drive.names) * elements.n_points
         self._keeps_factors = size <= KEPT_UNKNOWNS
@@ -267,16 +275,14 @@ class HarmonicBalance:
         """Take the mean derivative of the friction anew where it has changed."""
         if self.drag is None or not velocity.any():
             return False
-        tensor = self.terms.mean_slope(velocity)
-        # Where no water moves nothing else holds a steady constituent.
-        fastest = max(abs(s.momentum) for s in self.drive.symbols)
-        tensor[::2] += _STILL * fastest
+        tensor = self._held(self.terms.mean_slope(velocity))
         old = self._split._element_friction
         if old.ndim == 2:
-            moved = np.abs(tensor - old).sum(axis=0)
-            size = fastest + np.abs(old).sum(axis=0)
-            weight = self.equation.elements.area
-            if (weight * moved / size).sum() <= _REFACTOR * weight.sum():
+            moved = (tensor - old)[::2].sum(axis=0)
+            moved /= min(self._rates) + old[::2].sum(axis=0)
+            area = self.equation.elements.area
+            mean = (area * np.abs(moved)).sum() / area.sum()
+            if mean <= _REFACTOR and moved.max() <= _TOO_WEAK:
                 return False
         self._split = self.equation.with_friction(tensor)
         self._waves.clear()
@@ -360,9 +366,6 @@ class HarmonicBalance:
         elements, settings = equation.elements, equation.settings
         terms = self._terms(Places(equation.mesh.depth, self.drag), equation.friction)
         velocity = np.stack([elements.nodal_vector(u) for u in state.velocity])
-        tensor = terms.mean_slope(velocity)
-        fastest = max(abs(s.momentum) for s in drive.symbols)
-        tensor[::2] += _STILL * fastest
         driving = state.elevation
         if drive.potential is not None:
             driving = driving - drive.potential
@@ -372,19 +375,14 @@ class HarmonicBalance:
             slope += np.stack([elements.nodal_vector(row) for row in advection]) / (
                 settings.gravity
             )
-        response = [nodal_response(equation, s, tensor) for s in drive.symbols]
         for _ in range(_NODAL_SWEEPS):
+            tensor = self._held(terms.mean_slope(velocity))
             force = terms.evaluate(velocity, state.elevation).friction
             previous, velocity = velocity, np.empty_like(velocity)
-            for k, old in enumerate(previous):
-                lag = np.stack(
-                    [
-                        tensor[0] * old[0] + tensor[1] * old[1],
-                        tensor[1] * old[0] + tensor[2] * old[1],
-                    ]
-                )
-                load = (force[k] - lag) / settings.gravity
-                velocity[k] = turn(response[k], slope[k] + load)
+            for k, symbols in enumerate(drive.symbols):
+                lag = (force[k] - _times(tensor, previous[k])) / settings.gravity
+                response = nodal_response(equation, symbols, tensor)
+                velocity[k] = turn(response, slope[k] + lag)
             size = np.sqrt((np.abs(velocity) ** 2).mean())
             if np.abs(velocity - previous).max() <= settings.tolerance * size:
                 break
@@ -392,6 +390,15 @@ class HarmonicBalance:
         if self.drag is not None:
             friction = self._equivalent(previous, force, tensor)
         return np.ascontiguousarray(velocity.transpose(0, 2, 1)), friction
+
+    def _held(self, tensor: np.ndarray) -> np.ndarray:
+        """Mean derivative of the friction, where no water moves not quite zero.
+
+        Nothing else would hold a steady constituent there.
+        """
+        if self.drag is not None:
+            tensor[::2] += _STILL * max(self._rates)
+        return tensor
 
     def _equivalent(
         self, velocity: np.ndarray, force: np.ndarray, tensor: np.ndarray
@@ -405,6 +412,12 @@ class HarmonicBalance:
         friction = np.clip(friction, 0.0, 2.0 * mean)
         friction[self.drive.strength() == 0.0] = mean
         return friction
+
+
+def _times(tensor: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """(3, n) symmetric tensors times (2, n) vectors."""
+    (xx, xy, yy), (u, v) = tensor, vectors
+    return np.stack([xx * u + xy * v, xy * u + yy * v])
 
 
 class _Acceleration:
