@@ -10,6 +10,7 @@ from tidemesh.constants import EARTH_RADIUS
 from tidemesh.datatypes import BoundaryString, CoastalMesh, TideForcing
 from tidemesh.errors import InputError, MeshError
 from tidemesh.geometry.projection import Projection
+from tidemesh.io.fort14 import read_fort14, write_fort14
 from tidemesh.tides import Symbols, TideSettings, WaveEquation, solve
 from tidemesh.tides.frequency_domain.elements import Elements
 from tidemesh.tides.frequency_domain.metric import (
@@ -232,11 +233,25 @@ def test_orientation_is_judged_on_the_globe():
     mesh = mesh_of(points, triangles)
     with pytest.raises(MeshError, match="not counter-clockwise"):
         Elements.of(mesh)
-    assert elements_geographic(mesh).area.min() > 0.0
+    elements = elements_geographic(mesh)
+    np.testing.assert_array_equal(elements.corners.T, triangles)
+    local = int(np.argmax(points[triangles][..., 0].min(axis=1)))  # about (0, 0)
     wrong = triangles.copy()
-    wrong[7] = wrong[7, ::-1]
-    with pytest.raises(MeshError, match=r"triangle 7 .* on the globe"):
+    wrong[local] = wrong[local, ::-1]
+    with pytest.raises(MeshError, match=rf"triangle {local} .* on the globe"):
         elements_geographic(mesh_of(points, wrong))
+
+
+def test_a_globe_may_come_from_a_file(tmp_path):
+    # The reader puts all triangles counter-clockwise on its map, the torn ones too.
+    mesh = mesh_of(*icosphere(2))
+    write_fort14(tmp_path / "globe.14", mesh)
+    read = read_fort14(tmp_path / "globe.14")
+    turned = (read.triangles != mesh.triangles).any(axis=1)
+    assert 0 < turned.sum() < len(turned) / 2
+    np.testing.assert_allclose(
+        elements_geographic(read).area, elements_geographic(mesh).area, rtol=1e-6
+    )
 
 
 @pytest.mark.parametrize("metric", ["sphere", "geographic", "adcirc"])

@@ -33,11 +33,6 @@ def elements_for(mesh: CoastalMesh, metric: str) -> Elements:
     """
     if metric == "plane":
         return Elements.of(mesh)
-    if not mesh.projection.crs:
-        raise InputError(
-            f'metric = "{metric}" needs a mesh with a map projection; this one lies '
-            'on the bare plane: use metric = "plane"'
-        )
     if metric == "sphere":
         return elements_on_sphere(mesh)
     if metric == "geographic":
@@ -47,6 +42,7 @@ def elements_for(mesh: CoastalMesh, metric: str) -> Elements:
             'metric must be "plane", "sphere", "geographic" or "adcirc", got '
             f'"{metric}"'
         )
+    _check_map(mesh, metric)
     operation = pyproj.CRS.from_user_input(mesh.projection.crs).coordinate_operation
     if operation.method_name.startswith(_CYLINDRICAL):
         return _adcirc_corrected_elements(mesh)
@@ -69,11 +65,7 @@ def elements_on_sphere(mesh: CoastalMesh) -> Elements:
     InputError
         If the mesh has no map projection.
     """
-    if not mesh.projection.crs:
-        raise InputError(
-            'metric = "sphere" needs a mesh with a map projection; this one lies on '
-            'the bare plane: use metric = "plane"'
-        )
+    _check_map(mesh, "sphere")
     longitude, latitude = mesh.projection.inverse(mesh.points).T
     factors = pyproj.Proj(mesh.projection.crs).get_factors(longitude, latitude)
     return Elements.of(
@@ -93,26 +85,24 @@ def elements_geographic(mesh: CoastalMesh) -> Elements:
     carried to the plane of a triangle by the smallest rotation of one plane into the
     other.
 
+    Triangles that the map tears apart (across its edge, round a pole) may be in either
+    order: programs that put them counter-clockwise on the map turn them over.
+
     Raises
     ------
     InputError
         If the mesh has no map projection.
     MeshError
-        If a triangle is clockwise as seen from above.
+        If a triangle is clockwise on the globe and on the map.
     """
-    if not mesh.projection.crs:
-        raise InputError(
-            'metric = "geographic" needs a mesh with a map projection, to know '
-            "longitudes and latitudes; this one lies on the bare plane"
-        )
+    _check_map(mesh, "geographic")
     position, axes, up = _on_ellipsoid(mesh)
     corners = np.ascontiguousarray(mesh.triangles.T)
-    place = position[:, corners]  # (3 in space, 3 corners, n_triangles)
-    side = np.roll(place, 1, axis=1) - np.roll(place, -1, axis=1)  # opposite to each
-    normal = np.cross(side[:, 0], side[:, 1], axis=0)
-    upward = (normal * up[:, corners].sum(axis=1)).sum(axis=0)
-    if not (upward > 0.0).all():
-        bad = int(np.flatnonzero(~(upward > 0.0))[0])
+    torn = ~_upward(position, up, corners) & (_turn_on_map(mesh) > 0.0)
+    corners[1:, torn] = corners[:0:-1, torn]
+    good = _upward(position, up, corners)
+    if not good.all():
+        bad = int(np.flatnonzero(~good)[0])
         longitude, latitude = mesh.projection.inverse(
             mesh.points[mesh.triangles[bad, 0]]
         )
@@ -120,6 +110,7 @@ def elements_geographic(mesh: CoastalMesh) -> Elements:
             f"triangle {bad} (nodes {mesh.triangles[bad].tolist()}) at "
             f"({longitude:.5f}, {latitude:.5f}) is not counter-clockwise on the globe"
         )
+    side, normal = _sides_and_normal(position, corners)
     doubled = np.sqrt((normal**2).sum(axis=0))
     normal /= doubled
 
@@ -157,6 +148,14 @@ def adcirc_elements(mesh: CoastalMesh, reference_latitude_deg: float) -> Element
     latitude = np.radians(mesh.projection.inverse(mesh.points)[:, 1])
     along_x = np.cos(np.radians(reference_latitude_deg)) / np.cos(latitude)
     return Elements.of(mesh, scale=np.stack([along_x, np.ones_like(along_x)]))
+
+
+def _check_map(mesh: CoastalMesh, metric: str) -> None:
+    if not mesh.projection.crs:
+        raise InputError(
+            f'metric = "{metric}" needs a mesh with a map projection; this one lies on '
+            'the bare plane: use metric = "plane"'
+        )
 
 
 def _adcirc_corrected_elements(mesh: CoastalMesh) -> Elements:
@@ -228,6 +227,28 @@ def _on_ellipsoid(
         for unit in np.eye(2)
     )
     return position, np.stack([xx * east + xy * north, yx * east + yy * north]), up
+
+
+def _sides_and_normal(
+    position: np.ndarray, corners: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Sides opposite to the corners (3, 3, m), and twice the area vectors (3, m)."""
+    place = position[:, corners]
+    side = np.roll(place, 1, axis=1) - np.roll(place, -1, axis=1)
+    return side, np.cross(side[:, 0], side[:, 1], axis=0)
+
+
+def _upward(position: np.ndarray, up: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """(n_triangles,) whether the triangles are counter-clockwise from above."""
+    normal = _sides_and_normal(position, corners)[1]
+    return (normal * up[:, corners].sum(axis=1)).sum(axis=0) > 0.0
+
+
+def _turn_on_map(mesh: CoastalMesh) -> np.ndarray:
+    """(n_triangles,) positive where the triangles are counter-clockwise on the map."""
+    a, b, c = (mesh.points[mesh.triangles[:, k]].T for k in range(3))
+    (x, y), (u, v) = b - a, c - a
+    return x * v - y * u
 
 
 def _carried(vectors: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
