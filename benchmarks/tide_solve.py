@@ -3,22 +3,27 @@
     python benchmarks/tide_solve.py [number of nodes ...]
 
 A shelf of 200 km by 150 km with a ragged coast, triangles near equilateral. The
-smallest mesh is also solved by scipy's default `splu` (COLAMD) for comparison. Set
+smallest mesh is also solved by scipy's default `splu` (COLAMD) for comparison. A second
+table compares the sparse solvers that are installed, without and with rotation (a
+symmetric and an unsymmetric matrix), each in a process of its own for its memory. Set
 OMP_NUM_THREADS=1 for figures that mean something on a busy machine.
 """
 
 from __future__ import annotations
 
+import multiprocessing
 import resource
 import sys
 import time
 
 import numpy as np
+import psutil
 from scipy.sparse.linalg import splu
 from threadpoolctl import threadpool_limits
 
 from tidemesh.datatypes import BoundaryString, CoastalMesh, TideForcing
 from tidemesh.tides import Symbols, TideSettings, WaveEquation
+from tidemesh.tides.frequency_domain.direct import Factorisation, available_solvers
 from tidemesh.tides.frequency_domain.velocity import nodal_velocity
 from tidemesh.triangulation.delaunay import constrained_delaunay
 
@@ -130,12 +135,53 @@ def measure(nodes: int, *, compare: bool) -> None:
         )
 
 
+LOADS = 20
+
+
+def measure_solver(task: tuple[int, str, str]) -> str:
+    """One row of the table of solvers."""
+    nodes, solver, coriolis = task
+    mesh = shelf(nodes)
+    given = forcing(mesh)
+    equation = WaveEquation(mesh, given.nodes, TideSettings(coriolis=coriolis))
+    columns = equation._assemble(Symbols.exact(given.frequency[0]))
+    interior = columns[:, : equation._n_free][: equation._n_free]
+    loads = np.random.default_rng(1).standard_normal((interior.shape[0], LOADS)) + 0j
+    Factorisation(interior[:9][:, :9], solver)  # loads the library
+    before = psutil.Process().memory_info().rss
+    ticks = [time.process_time()]
+    factors = Factorisation(interior, solver)
+    ticks.append(time.process_time())
+    memory = (psutil.Process().memory_info().rss - before) / 2**20
+    factors.solve(loads[:, 0])
+    ticks.append(time.process_time())
+    factors.solve(loads)
+    ticks.append(time.process_time())
+    factors.solve(loads, transpose=True)
+    ticks.append(time.process_time())
+    row = "".join(f"{t:>10.2f}" for t in np.diff(ticks))
+    return f"{len(mesh.points):>9,}{solver:>10}{coriolis:>10}{row}{memory:>9.0f}"
+
+
 def main() -> None:
     sizes = [int(float(size)) for size in sys.argv[1:]] or [70_000, 300_000, 1_000_000]
     heads = ("order", "assemble", "factor", "solve", "velocity", "total")
     print(f"{'nodes':>9}" + "".join(f"{h:>10}" for h in heads) + f"{'MB':>9}")
     for size in sizes:
         measure(size, compare=size == min(sizes) <= 300_000)
+
+    heads = ("solver", "rotation", "factor", "1 load", f"{LOADS} loads", "adjoints")
+    print(f"\n{'nodes':>9}" + "".join(f"{h:>10}" for h in heads) + f"{'MB':>9}")
+    tasks = [
+        (size, solver, coriolis)
+        for size in sizes
+        if size <= 300_000
+        for coriolis in ("none", "constant")
+        for solver in available_solvers()
+    ]
+    with multiprocessing.get_context("spawn").Pool(1, maxtasksperchild=1) as pool:
+        for row in pool.imap(measure_solver, tasks):
+            print(row, flush=True)
 
 
 if __name__ == "__main__":
