@@ -303,6 +303,8 @@ def test_what_cannot_be_solved_is_named():
         solve_gwce(mesh, forcing, GWCE, tau0=np.ones(3))
     with pytest.raises(InputError, match="half a period"):
         solve_gwce(mesh, forcing, TideSettings(time_step_s=30_000.0))
+    with pytest.raises(InputError, match="must be positive"):
+        adcirc_symbols(0.0, 0.0)
     tensor = np.full((3, len(mesh.triangles)), FRICTION)
     with pytest.raises(InputError, match="not as a tensor"):
         solve_gwce(mesh, forcing, GWCE, friction=tensor)

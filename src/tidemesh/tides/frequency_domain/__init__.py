@@ -3,6 +3,12 @@
 from tidemesh.tides.frequency_domain.direct import Factorisation
 from tidemesh.tides.frequency_domain.elements import Elements
 from tidemesh.tides.frequency_domain.energy import EnergyBalance, energy_balance
+from tidemesh.tides.frequency_domain.gwce import (
+    GwceEquation,
+    GwceSymbols,
+    adcirc_symbols,
+    solve_gwce,
+)
 from tidemesh.tides.frequency_domain.harmonic_balance import IterationReport
 from tidemesh.tides.frequency_domain.solve import (
     FrequencyDomain,
@@ -22,11 +28,15 @@ __all__ = [
     "Factorisation",
     "FactorisedWave",
     "FrequencyDomain",
+    "GwceEquation",
+    "GwceSymbols",
     "IterationReport",
     "Symbols",
     "WaveEquation",
+    "adcirc_symbols",
     "energy_balance",
     "solve",
+    "solve_gwce",
     "solve_with_report",
     "with_overtides",
 ]

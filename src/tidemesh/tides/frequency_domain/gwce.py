@@ -3,7 +3,7 @@
 Continuity is differentiated in time, weighted with tau0 and added to the divergence of
 the momentum equations (Lynch & Gray 1979; Luettich & Westerink 2004):
 
-    e_tt + tau0 e_t - div(g h grad(e - p) + J) - Q . grad(tau0) = 0,
+    e_tt + tau0 e_t - div(g h grad(e - p) - J) - Q . grad(tau0) = 0,
     J = (tau0 - tau) Q - f k x Q,
 
 with the flux Q = h u of the *nodal* velocities and p the equilibrium tide. These follow
@@ -84,8 +84,13 @@ def adcirc_symbols(
         s (DTDP).
     weights : (3,) floats
         A00, B00, C00.
+
+    Raises
+    ------
+    InputError
+        If the step is not positive or not shorter than half a period.
     """
-    if not 0.0 < time_step * abs(frequency) < np.pi and frequency != 0.0:
+    if not (time_step > 0.0 and time_step * abs(frequency) < np.pi):
         raise InputError(
             f"a time step of {time_step:g} s does not resolve the frequency "
             f"{frequency:g} rad/s: it must be positive and shorter than half a period"
@@ -385,6 +390,13 @@ def solve_gwce(
     Returns
     -------
     tide : TideSolution
+
+    Raises
+    ------
+    InputError
+        If tau0 or the friction is negative or not finite, or the friction a tensor.
+    EngineError
+        If the equations are singular: a steady constituent without friction or tau0.
     """
     settings = TideSettings() if settings is None else settings
     report = progress if progress is not None else (lambda _: None)
