@@ -37,8 +37,8 @@ class Factorisation:
     matrix : (n, n) csc array
         Unknowns in a fill-reducing order, which is kept.
     solver : {"superlu", "pardiso"}
-        scipy's SuperLU, or PARDISO of Intel MKL where that is installed: a third of the
-        work and half the memory if the matrix equals its transpose.
+        scipy's SuperLU, or PARDISO of Intel MKL where that is installed: half the work
+        and two thirds of the memory if the matrix equals its transpose.
     threads : int
         Threads of PARDISO.
 
