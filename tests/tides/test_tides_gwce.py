@@ -339,3 +339,23 @@ def test_rotation_of_a_plain_sea_needs_no_neighbours_of_neighbours():
     outside = coupled.matrix(symbols) - coupled.matrix(symbols).multiply(rings)
     assert abs(outside).sum() == 0.0
     assert coupled.matrix(symbols).nnz > 2 * plain.nnz
+
+
+def test_every_constituent_may_have_its_own_friction():
+    mesh = annulus_mesh(5, 7, 2)
+    nodes = mesh.open_nodes
+    friction = FRICTION * np.stack([1.0 + mesh.points[:, k] / 2e5 for k in (0, 1)])
+    frequency = np.array([FREQUENCY, 0.7e-4])
+    elevation = np.ones((2, len(nodes)))
+    both = solve_gwce(
+        mesh,
+        TideForcing(("M2", "K1"), frequency, nodes, elevation),
+        GWCE,
+        friction=friction,
+    )
+    np.testing.assert_array_equal(both.friction, friction)
+    for k in range(2):
+        one = TideForcing(("M2",), frequency[k : k + 1], nodes, elevation[:1])
+        alone = solve_gwce(mesh, one, GWCE, friction=friction[k])
+        np.testing.assert_allclose(both.elevation[k], alone.elevation[0], rtol=1e-11)
+        assert relative(both.velocity[k], alone.velocity[0]) < 1e-11

@@ -380,7 +380,10 @@ def solve_gwce(
     forcing : TideForcing
     settings : TideSettings, optional
         With ``time_step_s`` the answer has ADCIRC's errors of time.
-    friction, coriolis, elements, progress
+    friction : float, (n_points,) or (n_c, n_points) array, optional
+        Linear friction coefficient (1/s), of every constituent if two-dimensional:
+        what quadratic friction amounts to, for instance, as `TideSolution` has it.
+    coriolis, elements, progress
         As in `tidemesh.tides.solve`.
     symbols : sequence of GwceSymbols, optional
         Those of every constituent, instead of what ``settings.time_step_s`` says.
@@ -401,29 +404,34 @@ def solve_gwce(
     settings = TideSettings() if settings is None else settings
     report = progress if progress is not None else (lambda _: None)
     report(0.0)
+    n_c, n = len(forcing.names), len(mesh.points)
+    each_its_own = np.shape(friction) == (n_c, n)
     equation = GwceEquation(
         mesh,
         forcing.nodes,
         settings,
-        friction=friction,
+        friction=friction[0] if each_its_own else friction,
         coriolis=coriolis,
         elements=elements,
         tau0=tau0,
     )
+    equations = [equation] * n_c
+    if each_its_own:
+        equations[1:] = [equation.with_friction(row) for row in friction[1:]]
     if symbols is None:
         symbols = [symbols_for(frequency, settings) for frequency in forcing.frequency]
-    n_c = len(forcing.names)
     threads = min(settings.threads, n_c)
     done = iter(range(1, n_c + 1))
 
     def solve_one(k: int) -> tuple[np.ndarray, np.ndarray]:
+        at = equations[k]
         potential = None if forcing.potential is None else forcing.potential[k]
         load = None
         if potential is not None:
-            load = equation.potential_load(symbols[k], potential)
+            load = at.potential_load(symbols[k], potential)
         # The factors, by far the largest thing in memory, are let go of at once.
-        wave = equation.factorise(symbols[k]).elevation(forcing.elevation[k], load)
-        velocity = nodal_velocity(equation, wave, symbols[k], potential)
+        wave = at.factorise(symbols[k]).elevation(forcing.elevation[k], load)
+        velocity = nodal_velocity(at, wave, symbols[k], potential)
         if threads <= 1:
             report(next(done) / n_c)
         return wave, velocity
@@ -435,7 +443,9 @@ def solve_gwce(
         frequency=forcing.frequency,
         elevation=np.stack([row[0] for row in solved]),
         velocity=np.stack([row[1] for row in solved]),
-        friction=equation.friction,
+        friction=np.stack([at.friction for at in equations])
+        if each_its_own
+        else equation.friction,
         gravity=settings.gravity,
         coriolis=equation.coriolis,
     )
