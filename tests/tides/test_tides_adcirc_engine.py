@@ -482,9 +482,10 @@ def test_switches_follow_the_physics(mesh, forcing, settings, expected):
 
 
 def test_friction_at_the_nodes_goes_into_the_fort13(tmp_path, mesh, forcing):
-    values = np.linspace(1e-4, 1e-3, len(mesh.points))
+    values = np.linspace(1e-3, 5e-3, len(mesh.points))
     name = "quadratic_friction_coefficient_at_sea_floor"
-    run = write_run(tmp_path / "a", mesh, forcing, TIDE, SETTINGS, friction=values)
+    quadratic = replace_tide(friction_law="quadratic")
+    run = write_run(tmp_path / "a", mesh, forcing, quadratic, SETTINGS, drag=values)
     again = read_fort13(run.path / "fort.13")
     np.testing.assert_allclose(again.of(name)[:, 0], values, rtol=1e-12)
     assert read_fort15(run.path / "fort.15").nwp == (name,)
@@ -495,7 +496,6 @@ def test_friction_at_the_nodes_goes_into_the_fort13(tmp_path, mesh, forcing):
     control = read_fort15(run.path / "fort.15")
     # The number in the control file would be a floor to C_f.
     assert (control.nolibf, control.friction) == (1, 0.0)
-    quadratic = replace_tide(friction_law="quadratic")
     run = write_run(tmp_path / "c", mesh, forcing, quadratic, SETTINGS, drag=0.004)
     assert not (run.path / "fort.13").exists()
     assert read_fort15(run.path / "fort.15").friction == 0.004
@@ -717,6 +717,8 @@ def test_settings_that_contradict_each_other_are_refused(mesh, forcing):
     refused("node 63 has no triangle", on=lonely, error=MeshError)
     with pytest.raises(InputError, match="one Coriolis parameter"):
         run_inputs(mesh, forcing, TIDE, SETTINGS, coriolis=np.arange(63) * 1e-6)
+    with pytest.raises(InputError, match="linear friction as one number"):
+        run_inputs(mesh, forcing, TIDE, SETTINGS, friction=np.arange(63) * 1e-5)
     with pytest.raises(InputError, match="friction coefficient of node 3"):
         run_inputs(
             mesh,

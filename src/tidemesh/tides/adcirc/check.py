@@ -30,10 +30,12 @@ _ERROR = re.compile(
     re.MULTILINE,
 )
 _PASSING = ("INFO", "DEBUG", "ECHO")
+_HEADING = re.compile(r"!!!+.*(?:WARNING|INPUT ERROR)")
 _WARNING = re.compile(r"\bWARNING\b", re.IGNORECASE)
 
 # What ADCIRC, MPI and Fortran write, in the order in which one tells more than the
 # next; what it means, and what to do.
+_EVEN_AT_THE_END = (r"Elevation\.gt\.ErrorElev", r"failure to converge")
 _SIGNS: tuple[tuple[str, str, str], ...] = (
     (
         r"Elevation\.gt\.ErrorElev",
@@ -209,11 +211,16 @@ def _raise_failure(
     manifest: dict[str, Any],
     exit_code: int | None,
 ) -> None:
+    ended = any(_END in text for text in logs.values())
     for sign, meaning, remedy in _SIGNS:
+        # Of a run that came to its end the same words were a warning.
+        if ended and sign not in _EVEN_AT_THE_END:
+            continue
         for path, text in logs.items():
-            found = re.search(sign, text)
-            if found and _is_fatal(path, text, found):
-                raise _failed(path, meaning, _quote(text, found), remedy)
+            for found in re.finditer(sign, text):
+                # INFO lines say in passing that optional files were not found.
+                if not _line(text, found).lstrip().startswith(_PASSING):
+                    raise _failed(path, meaning, _quote(text, found), remedy)
     for path, text in logs.items():
         found = _ERROR.search(text)
         if found:
@@ -231,7 +238,6 @@ def _raise_failure(
             f"ITERATIONS = {most}",
             "raise adcirc.solver_iterations, or adcirc.solver_tolerance",
         )
-    ended = any(_END in text for text in logs.values())
     if exit_code not in (None, 0) and not ended:
         raise _failed(
             folder / SCREEN,
@@ -239,12 +245,6 @@ def _raise_failure(
             tail(folder / SCREEN),
             "look at both logs",
         )
-
-
-def _is_fatal(path: Path, text: str, found: re.Match) -> bool:
-    """Not the words in passing: INFO lines say that optional files were not found."""
-    line = _line(text, found)
-    return not line.lstrip().startswith(_PASSING)
 
 
 def _failed(log: Path, meaning: str, quote: str, remedy: str) -> EngineError:
@@ -388,14 +388,22 @@ def _warnings(logs: dict[Path, str]) -> tuple[str, ...]:
     for text in logs.values():
         lines = text.splitlines()
         for number, line in enumerate(lines):
-            if not _WARNING.search(line) or line.lstrip().startswith(_PASSING):
+            if line.lstrip().startswith(_PASSING):
                 continue
-            words = " ".join(line.split())
-            if "Elevation.gt.WarnElev" in line:
+            if _HEADING.search(line):
+                kept[_below(lines[number + 1 : number + 12])] = None
+            elif "Elevation.gt.WarnElev" in line:
                 # One for the whole run: every step of a surge prints its own.
-                words = "Elevation.gt.WarnElev: an elevation above the warning level"
-            elif "NONFATAL" in line:
-                below = [" ".join(s.split()) for s in lines[number + 1 : number + 5]]
-                words = " ".join(s for s in below if s)
-            kept[words] = None
+                kept["Elevation.gt.WarnElev: higher than the warning level"] = None
+            elif _WARNING.search(line):
+                kept[" ".join(line.split())] = None
     return tuple(kept)
+
+
+def _below(lines: list[str]) -> str:
+    """What a heading warns of: up to ADCIRC's decision, or the next line."""
+    text = [" ".join(line.split()) for line in lines]
+    ends = [k for k, line in enumerate(text) if "EXECUTION WILL" in line]
+    if ends:
+        return " ".join(line for line in text[: ends[0]] if line)
+    return next((line for line in text if line), "")

@@ -76,7 +76,8 @@ def run_inputs(
     tide : TideSettings
     settings : AdcircSettings
     friction : float or (n_points,) array, optional
-        Linear coefficient tau (1/s), in place of the settings' one number.
+        Linear coefficient tau (1/s), in place of the settings' one number; ADCIRC takes
+        one number only.
     drag : float or (n_points,) array, optional
         C_f of the quadratic law, or Manning's n, likewise.
     coriolis : float or (n_points,) array, optional
@@ -99,10 +100,8 @@ def run_inputs(
     linear = tide.friction_law == "linear"
     coefficient = _coefficient(mesh, tide, friction if linear else drag)
     if linear:
-        tide = msgspec.structs.replace(tide, friction=float(np.mean(coefficient)))
-    plan = plan_run(
-        mesh, forcing, tide, settings, uniform_friction=np.ndim(coefficient) == 0
-    )
+        tide = msgspec.structs.replace(tide, friction=coefficient)
+    plan = plan_run(mesh, forcing, tide, settings)
     rotation = _coriolis(mesh, tide, coriolis)
     ncor = int(np.ndim(rotation) > 0)
     ics = _coordinates(mesh, forcing, tide, settings, ncor)
@@ -251,7 +250,14 @@ def _coefficient(
             f"the friction coefficient of node {node} is {values[node]:g}; it must be "
             "a number that is not negative"
         )
-    return float(values[0]) if is_uniform(values) else values
+    if is_uniform(values):
+        return float(values[0])
+    if tide.friction_law == "linear":
+        raise InputError(
+            "ADCIRC takes linear friction as one number, not values at the nodes: use "
+            'friction_law = "quadratic" or "manning"'
+        )
+    return values
 
 
 def _attributes(
@@ -263,8 +269,7 @@ def _attributes(
     # The value of most nodes need not be listed.
     common, count = np.unique(coefficient, return_counts=True)
     default = common[np.argmax(count)]
-    unit = "1/s" if tide.friction_law == "linear" else "unitless"
-    name, unit = (MANNING, "s/m^(1/3)") if manning else (FRICTION, unit)
+    name, unit = (MANNING, "s/m^(1/3)") if manning else (FRICTION, "unitless")
     values = np.broadcast_to(coefficient, mesh.depth.shape)
     return NodalAttributes(
         "friction of the sea floor",

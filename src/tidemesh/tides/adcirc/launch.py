@@ -29,14 +29,19 @@ _GRACE_S = 5.0
 def commands(settings: AdcircSettings) -> tuple[tuple[list[str], str], ...]:
     """Commands to type in the run directory, each with the name of its log file."""
     if settings.ranks == 1:
-        return (([settings.adcirc], SCREEN),)
-    prepare = [settings.adcprep, "--np", str(settings.ranks)]
+        return (([_from_anywhere(settings.adcirc)], SCREEN),)
+    prepare = [_from_anywhere(settings.adcprep), "--np", str(settings.ranks)]
     launcher = shlex.split(settings.launcher.replace("{ranks}", str(settings.ranks)))
     return (
         ([*prepare, "--partmesh"], PARTITION),
         ([*prepare, "--prepall"], PREPARE),
-        ([*launcher, settings.padcirc], SCREEN),
+        ([*launcher, _from_anywhere(settings.padcirc)], SCREEN),
     )
+
+
+def _from_anywhere(program: str) -> str:
+    """A path holds in the run directory too; a name is looked for on the PATH."""
+    return str(Path(program).absolute()) if Path(program).name != program else program
 
 
 def command_line(settings: AdcircSettings) -> str:

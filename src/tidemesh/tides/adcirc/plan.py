@@ -18,7 +18,7 @@ DAY_S = 86400.0
 COURANT = 0.8
 LINEAR_STEP_S = 30.0
 """Step of the paper (section 3.3); its error of time is 1e-6 to 4e-6."""
-NONLINEAR_TAU0 = 0.009
+QUADRATIC_TAU0 = 0.009
 """1/s, of the paper's nonlinear run (section 4)."""
 WET_DEPTH_M = 0.1
 _LEAST_DAYS = 2.0
@@ -52,8 +52,6 @@ def plan_run(
     forcing: TideForcing,
     tide: TideSettings,
     settings: AdcircSettings,
-    *,
-    uniform_friction: bool = True,
 ) -> RunPlan:
     """Choose what the settings leave open.
 
@@ -67,8 +65,6 @@ def plan_run(
     forcing : TideForcing
     tide : TideSettings
     settings : AdcircSettings
-    uniform_friction : bool
-        Whether the friction coefficient is one number.
 
     Returns
     -------
@@ -85,7 +81,7 @@ def plan_run(
     notes: list[str] = []
     least = _minimum_depth(mesh, settings, notes)
     tau0 = _tau0(tide, settings)
-    step = _time_step(mesh, forcing, tide, settings, tau0, least, uniform_friction)
+    step = _time_step(mesh, forcing, tide, settings, tau0, least)
     notes.append(step[1])
     start, end = _window(forcing, settings, notes)
     steps = math.ceil(end * DAY_S / step[0] - 1e-9)
@@ -221,7 +217,7 @@ def _tau0(tide: TideSettings, settings: AdcircSettings) -> float:
         return settings.tau0
     if tide.tau0 is not None:
         return tide.tau0
-    return NONLINEAR_TAU0 if is_nonlinear(tide) else tide.friction
+    return tide.friction if tide.friction_law == "linear" else QUADRATIC_TAU0
 
 
 def _time_step(
@@ -231,7 +227,6 @@ def _time_step(
     settings: AdcircSettings,
     tau0: float,
     least: float,
-    uniform_friction: bool,
 ) -> tuple[float, str]:
     surge = 0.0
     if tide.finite_amplitude and forcing.elevation.size:
@@ -240,7 +235,6 @@ def _time_step(
     crossing = crossing_time(mesh, least, surge=surge, gravity=tide.gravity)
     stable_at_any = (
         not is_nonlinear(tide)
-        and uniform_friction
         and tau0 == tide.friction
         and min(settings.weights[0], settings.weights[2]) >= 0.25
     )

@@ -71,7 +71,7 @@ class AdcircSettings(
 
     tau0: float | None = None
     """Weight of the primitive in the wave equation, 1/s. Left out: ``tide.tau0``, or
-    ``tide.friction`` of a linear run, or 0.009 (paper, section 4) of a nonlinear one.
+    the friction where its law is linear, or 0.009 (paper, section 4) where it is not.
     -1 and -2 choose ADCIRC's rules by depth, -5 the one by friction and depth."""
 
     tau0_range: tuple[Positive, Positive] = (0.005, 0.2)
