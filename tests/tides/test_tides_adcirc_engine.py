@@ -199,6 +199,7 @@ def test_the_steady_part_goes_first_and_comes_back_in_its_place(tmp_path, progra
         ("garbage_mesh", "Reading line 5 gave", "damaged"),
         ("no_file", "Required file not found: ./fort.15", "write the directory anew"),
         ("not_converged", "ITERATIONS = 100", "solver_iterations"),
+        ("converged_but_once", "failure to converge in 100", "solver_tolerance"),
         ("crash", "exit code -11", "look at both logs"),
         ("stops_in_between", "step 30 of", "kept"),
         ("root_refused", "attempt to run as root", "--allow-run-as-root"),
@@ -729,6 +730,13 @@ def test_settings_that_contradict_each_other_are_refused(mesh, forcing):
         )
 
 
+def test_steps_that_are_hard_to_solve_are_watched(mesh, forcing):
+    easy = run_inputs(mesh, forcing, TIDE, SETTINGS).control
+    hard = run_inputs(mesh, forcing, TIDE, AdcircSettings(time_step_s=6000.0)).control
+    few = run_inputs(mesh, forcing, TIDE, AdcircSettings(solver_iterations=9)).control
+    assert (easy.solver[1], hard.solver[1], few.solver[1]) == (0, 1, 1)
+
+
 def test_shallow_nodes_are_deepened_and_told(mesh, forcing):
     settings = AdcircSettings(minimum_depth_m=5.0)
     inputs = run_inputs(mesh, forcing, TIDE, settings)
@@ -817,7 +825,7 @@ def test_writes_the_settings_of_the_reference_runs(tmp_path, name):
         *("ihot", "ics", "im", "nolibf", "nolifa", "nolica", "nolicat", "nwp", "ncor"),
         *("ntip", "nws", "nramp", "gravity", "tau0", "time_step", "statim", "reftim"),
         *("ramp_days", "weights", "minimum_depth", "slam0", "sfea0", "friction"),
-        *("eddy_viscosity", "cori", "potential", "angle_minimum", "solver", "harmonic"),
+        *("eddy_viscosity", "cori", "potential", "angle_minimum", "harmonic"),
         *("harmonic_every", "harmonic_output", "hot_start", "global_elevation"),
     ):
         assert getattr(ours, field) == getattr(theirs, field), field

@@ -135,6 +135,13 @@ def not_converged():
     give()
 
 
+def converged_but_once():
+    # From then on every step is "solved" in one iteration.
+    step_through(iterations=1)
+    say("     in itpackv routine jcg\n     failure to converge in  100 iterations")
+    give()
+
+
 def crash():
     say(NORMALLY.replace("terminating normally", "begins"))
     os.kill(os.getpid(), signal.SIGSEGV)

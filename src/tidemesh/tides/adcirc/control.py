@@ -36,6 +36,9 @@ MANNING = "mannings_n_at_sea_floor"
 
 ICS = {"metres": 1, "adcirc": 2, "equal_area": 20, "mercator": 22}
 _PROGRESS_LINES = 200
+_EASY, _FEW = 5.0, 50
+"""Courant number up to which the equations of a step are solved in some 20 iterations;
+iterations below which they may not be."""
 _CONSISTENT_GRAVITY = 9.81
 
 
@@ -156,7 +159,13 @@ def run_inputs(
         harmonic_days=plan.harmonic_days,
         harmonic_every=plan.harmonic_every,
         harmonic_output=(0, 0, 1, 1) if settings.output == "ascii" else (0, 0, 5, 5),
-        solver=(1, 0, settings.solver_tolerance, settings.solver_iterations),
+        solver=(
+            1,
+            # Tells of every step, since ADCIRC hides the one that does not converge.
+            int(plan.courant > _EASY or settings.solver_iterations < _FEW),
+            settings.solver_tolerance,
+            settings.solver_iterations,
+        ),
         netcdf_header=None if settings.output == "ascii" else _netcdf_header(tide),
         namelists=_namelists(settings),
     )

@@ -143,7 +143,8 @@ def tail(path: Path, lines: int = 3) -> str:
         text = path.read_text(encoding="utf-8", errors="replace")
     except OSError:
         return f"({path} is not there)"
-    kept = [line.strip() for line in text.splitlines() if line.strip()]
+    # Not the rules between ADCIRC's paragraphs.
+    kept = [line.strip() for line in text.splitlines() if line.strip(" _-\t")]
     return " | ".join(kept[-lines:]) if kept else "(it wrote nothing)"
 
 

@@ -32,6 +32,8 @@ class RunPlan:
     """When an ADCIRC run steps, ends and is analysed."""
 
     time_step_s: float
+    courant: float
+    """Edges of elements that a long wave crosses in a step, at most."""
     steps: int
     run_days: float
     ramp_days: float
@@ -81,11 +83,14 @@ def plan_run(
     notes: list[str] = []
     least = _minimum_depth(mesh, settings, notes)
     tau0 = _tau0(tide, settings)
-    step = _time_step(mesh, forcing, tide, settings, tau0, least)
-    notes.append(step[1])
+    crossing = crossing_time(
+        mesh, least, surge=_surge(forcing, tide), gravity=tide.gravity
+    )
+    step, note = _time_step(forcing, tide, settings, tau0, crossing)
+    notes.append(note)
     start, end = _window(forcing, settings, notes)
-    steps = math.ceil(end * DAY_S / step[0] - 1e-9)
-    end = steps * step[0] / DAY_S
+    steps = math.ceil(end * DAY_S / step - 1e-9)
+    end = steps * step / DAY_S
     work = steps * len(mesh.points)
     notes.append(
         f"{steps:,} steps on {len(mesh.points):,} nodes: about "
@@ -95,13 +100,14 @@ def plan_run(
     if every_s is None:
         every_s = 2.0 * math.pi / float(forcing.frequency.max()) / 40.0
     return RunPlan(
-        time_step_s=step[0],
+        time_step_s=step,
+        courant=step / crossing,
         steps=steps,
         # ADCIRC rounds the number of steps down.
-        run_days=end + 0.01 * step[0] / DAY_S,
+        run_days=end + 0.01 * step / DAY_S,
         ramp_days=settings.ramp_days,
         harmonic_days=(start, end),
-        harmonic_every=max(1, int(every_s / step[0] + 1e-9)),
+        harmonic_every=max(1, int(every_s / step + 1e-9)),
         tau0=tau0,
         minimum_depth_m=least,
         notes=tuple(notes),
@@ -220,19 +226,23 @@ def _tau0(tide: TideSettings, settings: AdcircSettings) -> float:
     return tide.friction if tide.friction_law == "linear" else QUADRATIC_TAU0
 
 
+def _surge(forcing: TideForcing, tide: TideSettings) -> float:
+    """Elevation that adds to the depth (m)."""
+    if not tide.finite_amplitude:
+        return 0.0
+    factor = 1.0 if forcing.nodal_factor is None else forcing.nodal_factor[:, None]
+    height = (factor * np.abs(forcing.elevation)).sum(axis=0)
+    return float(height.max(initial=0.0))
+
+
 def _time_step(
-    mesh: CoastalMesh,
     forcing: TideForcing,
     tide: TideSettings,
     settings: AdcircSettings,
     tau0: float,
-    least: float,
+    crossing: float,
 ) -> tuple[float, str]:
-    surge = 0.0
-    if tide.finite_amplitude and forcing.elevation.size:
-        factor = 1.0 if forcing.nodal_factor is None else forcing.nodal_factor[:, None]
-        surge = float((factor * np.abs(forcing.elevation)).sum(axis=0).max())
-    crossing = crossing_time(mesh, least, surge=surge, gravity=tide.gravity)
+    """Step (s), and why."""
     stable_at_any = (
         not is_nonlinear(tide)
         and tau0 == tide.friction

@@ -116,7 +116,8 @@ class AdcircSettings(
 
     solver_iterations: Annotated[int, msgspec.Meta(ge=1, le=100)] = 100
     """At most, in a step (ITMAX). Beyond 100 ADCIRC writes over its own memory. Where
-    they do not do once, it says nothing and solves all later steps no better."""
+    they do not do once, ADCIRC solves all later steps no better: such a run counts as
+    failed."""
 
     extra_lines: tuple[str, ...] = ()
     """Lines for the end of fort.15, for instance further namelists."""
