@@ -9,6 +9,7 @@ are unsigned, which spares the test for negative ones.
 from __future__ import annotations
 
 import math
+from types import FunctionType
 
 import numpy as np
 from numba import njit, prange
@@ -77,7 +78,8 @@ def triangles_pass(
     """Terms of the wave equation and the advection, triangle by triangle.
 
     ``geometry`` rows: x derivatives of basis functions 2 and 3, their y derivatives,
-    area, g times the mean depth, weight in the means at nodes. ``share`` columns: what
+    area, g times the mean depth, weight in the means at nodes, part of the advection
+    that counts. ``share`` columns: what
     the three corners get in the wave equation (m3/s2), weight times advection along x
     and y (m3/s2), and with viscosity what the corners get along x, and along y.
     """
@@ -112,10 +114,12 @@ def triangles_pass(
             rise = (state[RISE, a] + state[RISE, b] + state[RISE, c]) * rate
             ux, uy = bx * ub + cx * uc, by * ub + cy * uc
             vx, vy = bx * vb + cx * vc, by * vb + cy * vc
-            fx += u * rise - (qx * ux + qy * uy)
-            fy += v * rise - (qx * vx + qy * vy)
-            share[t, 3] = weight * (u * ux + v * uy)
-            share[t, 4] = weight * (u * vx + v * vy)
+            part = geometry[7, t]
+            fx += part * (u * rise - (qx * ux + qy * uy))
+            fy += part * (v * rise - (qx * vx + qy * vy))
+            part *= weight
+            share[t, 3] = part * (u * ux + v * uy)
+            share[t, 4] = part * (u * vx + v * vy)
         if viscosity > 0.0:
             # Kolar & Gray's form in the wave equation, Galerkin's in the momentum.
             ub, uc = state[U, b] - state[U, a], state[U, c] - state[U, a]
@@ -408,8 +412,17 @@ def advance(
     return steps
 
 
-advance_alone = njit(**_OPTIONS)(advance)
-advance_together = njit(parallel=True, **_OPTIONS)(advance)
+def _named(function, name):
+    """The same function under another name: numba's cache goes by it, not by options."""
+    return FunctionType(
+        function.__code__.replace(co_name=name, co_qualname=name),
+        function.__globals__,
+        name,
+    )
+
+
+advance_alone = njit(**_OPTIONS)(_named(advance, "advance_alone"))
+advance_together = njit(parallel=True, **_OPTIONS)(_named(advance, "advance_together"))
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})

@@ -22,6 +22,9 @@ NONLINEAR_TAU0 = 0.009
 """Weight of the wave equation (1/s) of nonlinear runs (paper, section 4)."""
 
 
+_NONE = np.empty(0, dtype=np.int64)
+
+
 @dataclass(frozen=True, eq=False)
 class Discretisation:
     """Linear triangles with lumped mass, in an order that keeps neighbours close.
@@ -34,7 +37,7 @@ class Discretisation:
     order : (n_points,) int array
         Node of the mesh at each place; everything below is in this order.
     corners : (n_triangles, 3) uint32 array
-    geometry : (7, n_triangles) array
+    geometry : (8, n_triangles) array
         See `_kernels.triangles_pass`.
     incidence, members : (n_points + 1,), (3 n_triangles, 2) uint32 arrays
         Triangles of a node and which of their corners it is.
@@ -62,8 +65,21 @@ class Discretisation:
     around: np.ndarray
 
     @classmethod
-    def of(cls, mesh: CoastalMesh, settings: TideSettings) -> Discretisation:
+    def of(
+        cls,
+        mesh: CoastalMesh,
+        settings: TideSettings,
+        *,
+        still: np.ndarray | None = None,
+    ) -> Discretisation:
         """Discretise a mesh.
+
+        Parameters
+        ----------
+        mesh : CoastalMesh
+        settings : TideSettings
+        still : (n,) int array, optional
+            Nodes in whose triangles nothing is advected.
 
         Raises
         ------
@@ -88,6 +104,9 @@ class Discretisation:
         depth = settings.gravity * elements.mean(mesh.depth)[by_node]
 
         n = len(order)
+        is_still = np.zeros(n, dtype=bool)
+        is_still[place[_NONE if still is None else still]] = True
+        advected = np.where(is_still[corners].any(axis=1), 0.0, 1.0)
         nodes = corners.ravel()
         gathered = np.argsort(nodes, kind="stable")
         incidence = np.concatenate([[0], np.cumsum(np.bincount(nodes, minlength=n))])
@@ -108,7 +127,7 @@ class Discretisation:
             order=order,
             corners=corners.astype(np.uint32),
             geometry=np.stack(
-                [*gradient[0, 1:], *gradient[1, 1:], area, depth, weight]
+                [*gradient[0, 1:], *gradient[1, 1:], area, depth, weight, advected]
             ),
             incidence=incidence.astype(np.uint32),
             members=np.stack(np.divmod(gathered, 3), axis=1).astype(np.uint32),

@@ -121,10 +121,9 @@ class HarmonicSums:
 
     def __init__(self, constituents: Sequence[Constituent], size: int):
         self.constituents = tuple(constituents)
-        columns = sum(1 if c.frequency == 0.0 else 2 for c in self.constituents)
+        columns = _basis(self.constituents, np.zeros(1)).shape[1]
         self.normal = np.zeros((columns, columns))
         self.sums = np.zeros((columns, size))
-        self.first = self.last = np.nan
         self.count = 0
         self._basis = np.empty((_BATCH, columns))
         self._samples = np.empty((_BATCH, size))
@@ -132,18 +131,12 @@ class HarmonicSums:
 
     def add(self, time: float, sample: np.ndarray) -> None:
         """Add a sample (size,) at a time (s)."""
-        row = []
-        for c in self.constituents:
-            phase = c.frequency * time + c.argument
-            row.append(c.factor * np.cos(phase))
-            if c.frequency != 0.0:
-                row.append(-c.factor * np.sin(phase))
+        row = _basis(self.constituents, np.array([time]))[0]
         self.normal += np.outer(row, row)
         self._basis[self._waiting] = row
         self._samples[self._waiting] = sample
         self._waiting += 1
-        self.first = time if self.count == 0 else self.first
-        self.last, self.count = time, self.count + 1
+        self.count += 1
         if self._waiting == _BATCH:
             self.flush()
 
@@ -155,24 +148,8 @@ class HarmonicSums:
         self._waiting = 0
 
     def solve(self) -> np.ndarray:
-        """(n_c, size) complex amplitudes, nodal factors and arguments divided out.
-
-        Raises
-        ------
-        InputError
-            If the window is too short to tell the constituents apart.
-        """
+        """(n_c, size) complex amplitudes, nodal factors and arguments divided out."""
         self.flush()
-        condition = np.inf if self.count == 0 else np.linalg.cond(self.normal)
-        if not condition < _CONDITION:
-            days = 0.0 if self.count == 0 else (self.last - self.first) / 86400.0
-            raise InputError(
-                f"the harmonic analysis over {days:.2f} days ({self.count} samples) "
-                "cannot tell the constituents "
-                f"{', '.join(c.name for c in self.constituents)} apart: analyse a "
-                "longer part of the run (analysis_start_day), more often "
-                "(analysis_every_s), or for fewer constituents"
-            )
         solved = np.linalg.solve(self.normal, self.sums)
         answer = np.empty((len(self.constituents), self.sums.shape[1]), dtype=complex)
         column = 0
@@ -185,17 +162,49 @@ class HarmonicSums:
         return answer
 
 
-def warn_of_short_window(constituents: Sequence[Constituent], seconds: float) -> None:
-    """Log pairs of constituents that beat more slowly than the window is long."""
+def check_window(constituents: Sequence[Constituent], times: np.ndarray) -> None:
+    """See beforehand that samples at some times (s) tell the constituents apart.
+
+    Pairs that beat more slowly than the window is long are logged.
+
+    Raises
+    ------
+    InputError
+        If they do not.
+    """
+    basis = _basis(constituents, times)
+    condition = np.inf
+    if len(times) >= basis.shape[1]:
+        condition = np.linalg.cond(basis.T @ basis)
+    length = times[-1] - times[0] if len(times) else 0.0
+    if not condition < _CONDITION:
+        raise InputError(
+            f"the harmonic analysis over {length / 86400.0:.2f} days ({len(times)} "
+            "samples) cannot tell the constituents "
+            f"{', '.join(c.name for c in constituents)} apart: analyse a longer part "
+            "of the run (analysis_start_day), more often (analysis_every_s), or for "
+            "fewer constituents (constituents; [] for none)"
+        )
     for k, one in enumerate(constituents):
         for other in constituents[:k]:
-            apart = abs(one.frequency - other.frequency) * seconds / (2.0 * np.pi)
-            if apart < 1.0:
+            beats = abs(one.frequency - other.frequency) * length / (2.0 * np.pi)
+            if beats < 1.0:
                 _log.warning(
                     "%s and %s beat %.2f times in the %.1f days of the harmonic "
                     "analysis: their constants will not be well told apart",
                     other.name,
                     one.name,
-                    apart,
-                    seconds / 86400.0,
+                    beats,
+                    length / 86400.0,
                 )
+
+
+def _basis(constituents: Sequence[Constituent], times: np.ndarray) -> np.ndarray:
+    """(n, columns) factors of the real and imaginary parts at some times."""
+    columns = []
+    for c in constituents:
+        phase = c.frequency * times + c.argument
+        columns.append(c.factor * np.cos(phase))
+        if c.frequency != 0.0:
+            columns.append(-c.factor * np.sin(phase))
+    return np.stack(columns, axis=1)

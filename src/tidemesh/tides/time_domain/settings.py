@@ -35,6 +35,11 @@ class SimulationSettings(
     eddy_viscosity: NonNegative = 0.0
     """Lateral viscosity, m2/s (ADCIRC's ESLM)."""
 
+    ocean_advection: bool = False
+    """Advection counts in the triangles of the open boundary too, as in ADCIRC. There
+    the inflow brings a velocity that nothing prescribes, and runs blow up of it (so
+    does ADCIRC without its nodal attribute for this)."""
+
     minimum_column_m: Positive = 0.1
     """The water column never gets thinner than this: there is no wetting and drying,
     and a node that would fall dry keeps a film. How often is reported."""

@@ -27,7 +27,7 @@ from tidemesh.tides.time_domain.discretisation import at
 from tidemesh.tides.time_domain.harmonics import (
     HarmonicSums,
     analysed_constituents,
-    warn_of_short_window,
+    check_window,
 )
 from tidemesh.tides.time_domain.settings import SimulationSettings
 from tidemesh.tides.time_domain.stability import StepAdvice, chosen_step
@@ -201,6 +201,7 @@ class _Run:
             step,
             ramp=settings.ramp_days * DAY,
             viscosity=settings.eddy_viscosity,
+            ocean_advection=settings.ocean_advection,
             minimum_column=settings.minimum_column_m,
             limit=settings.level_limit_m,
             threads=settings.threads,
@@ -227,14 +228,9 @@ class _Run:
         n = len(mesh.points)
         self.sums = HarmonicSums(constituents, 3 * n) if constituents else None
         if self.sums is not None:
-            length = (self.steps - self.since) * step
-            if length <= 0.0:
-                raise InputError(
-                    f"the harmonic analysis would start on day {since:g}, after the "
-                    f"end of the run (days = {settings.days:g}): set "
-                    "analysis_start_day earlier, or constituents = [] for none"
-                )
-            warn_of_short_window(constituents, length)
+            every = self.every_sample
+            samples = np.arange(-(-self.since // every) * every, self.steps + 1, every)
+            check_window(constituents, samples * step)
         self.friction_sum = np.zeros(n)
         self.highest, self.fastest = np.full(n, -np.inf), np.zeros(n)
         self.times: list[float] = []
@@ -323,8 +319,7 @@ class _Run:
         if self.sums is not None:
             self.sums.flush()
             arrays["normal"], arrays["sums"] = self.sums.normal, self.sums.sums
-            window = [self.sums.first, self.sums.last, self.sums.count]
-            arrays["window"] = np.array(window)
+            arrays["samples"] = np.array(self.sums.count)
         with atomic(self.folder / RESTART) as temporary, open(temporary, "wb") as file:
             np.savez(file, **arrays)
 
@@ -360,8 +355,7 @@ class _Run:
         self.levels = list(saved["levels"])
         if self.sums is not None:
             self.sums.normal, self.sums.sums = saved["normal"], saved["sums"]
-            self.sums.first, self.sums.last = saved["window"][:2]
-            self.sums.count = int(saved["window"][2])
+            self.sums.count = int(saved["samples"])
         self._resumed = True
 
     def _steps_in(self, seconds: float) -> int:

@@ -37,6 +37,8 @@ class Stepper:
         s; the forcing grows as tanh(2 t/ramp), 0 for none.
     viscosity : float
         m2/s.
+    ocean_advection : bool
+        Advection counts in the triangles of the open boundary too, as in ADCIRC.
     minimum_column : float
         m.
     limit : float
@@ -63,6 +65,7 @@ class Stepper:
         *,
         ramp: float = 0.0,
         viscosity: float = 0.0,
+        ocean_advection: bool = False,
         minimum_column: float = 0.1,
         limit: float = math.inf,
         threads: int = 1,
@@ -70,7 +73,8 @@ class Stepper:
         drag: np.ndarray | None = None,
     ):
         _check_forcing(mesh, forcing)
-        self.discretisation = grid = Discretisation.of(mesh, settings)
+        still = None if ocean_advection else forcing.nodes
+        self.discretisation = grid = Discretisation.of(mesh, settings, still=still)
         self.settings, self.step, self.steps = settings, step, 0
         self.ramp, self.viscosity, self.limit = ramp, viscosity, limit
         self.threads = threads
@@ -96,11 +100,27 @@ class Stepper:
         self._follow()
 
     def set_state(
-        self, elevation: np.ndarray, velocity: np.ndarray | None = None
+        self,
+        elevation: np.ndarray,
+        velocity: np.ndarray | None = None,
+        before: np.ndarray | None = None,
     ) -> None:
-        """Start from an elevation (n_points,) m and a velocity (n_points, 2) m/s."""
+        """Start from other than rest.
+
+        Parameters
+        ----------
+        elevation : (n_points,) array
+            m.
+        velocity : (n_points, 2) array, optional
+            m/s.
+        before : (n_points,) array, optional
+            Elevation one step earlier (m); the same if not given.
+        """
         order = self.discretisation.order
         self.state[kernels.LEVEL] = np.asarray(elevation)[order]
+        if before is not None:
+            change = np.asarray(elevation) - np.asarray(before)
+            self.state[kernels.RISE] = change[order]
         if velocity is not None:
             self.state[[kernels.U, kernels.V]] = np.asarray(velocity)[order].T
         self._follow()
