@@ -305,6 +305,22 @@ def test_roughness_of_known_curves():
     assert s**2 @ matrix @ s**2 == pytest.approx(expected, rel=6e-3)
 
 
+def test_roughness_is_measured_along_the_travel_time():
+    # Depth h = (1 + 3 s)**4: the time is the integral of ds / (1 + 3 s)**2.
+    n = 2001
+    s = np.linspace(0.0, 1.0, n)
+    mesh = CoastalMesh(
+        np.column_stack([3e5 * s, np.zeros(n)]),
+        np.empty((0, 3), dtype=int),
+        5.0 * (1.0 + 3.0 * s) ** 4,
+        (BoundaryString("open", np.arange(n)),),
+    )
+    time = (1.0 - 1.0 / (1.0 + 3.0 * s)) / 0.75
+    expected = 4.0 + SLOPE_PENALTY * 4.0 / 3.0
+    found = time**2 @ Roughness(mesh).matrix @ time**2
+    assert found == pytest.approx(expected, rel=6e-3)
+
+
 def test_roughness_of_a_ring_and_of_several_strings():
     n = 400
     angle = 2.0 * np.pi * np.arange(n) / n

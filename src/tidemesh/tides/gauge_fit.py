@@ -34,12 +34,18 @@ logger = logging.getLogger(__name__)
 SAME_GAUGE_M = 500.0
 """Rows of the table nearer to each other than this are one gauge."""
 
+SHALLOWEST_M = 1.0
+"""Less depth on the open boundary counts as this."""
+
 SLOPE_PENALTY = 0.01
 """Weight of the first derivative along the boundary beside that of the second: a linear
 trend across the whole of it costs 1/5000 of an arch of the same height."""
 
 WEAKEST, STRONGEST, CHOICES = 1.0e-8, 1.0e2, 81
 """Smoothness tried by leaving gauges out, times the largest effect of the data."""
+
+MARGIN = 0.25
+"""By so much more than the least may the sum of squared leave-one-out errors be."""
 
 DEFAULT_SMOOTHNESS = 1.0e-2
 """The same, where two gauges or less leave nothing to choose it by."""
@@ -122,9 +128,9 @@ def fit_boundary(
     """Fit smooth boundary values to the harmonic constants of gauges.
 
     Minimises, for every constituent, the sum over the gauges of |observed - modelled|^2
-    plus the smoothness times L^3 times the integral of |b''|^2 along the boundary of
-    length L, with a weak part of b' that ties the boundary to a constant where no gauge
-    sees it. Every gauge counts the same.
+    plus the smoothness times the penalty of `Roughness`: the second derivative of the
+    boundary values, and a little of the first that ties them to a constant where no
+    gauge sees them. Every gauge counts the same.
 
     Parameters
     ----------
@@ -135,9 +141,9 @@ def fit_boundary(
         Constituents to fit, physics. With nonlinear friction the fit and the nonlinear
         solve alternate until the boundary values stand still.
     smoothness : float or (n_c,) array, optional
-        Its weight; if not given, the largest one whose sum of squared leave-one-out
-        errors is the least, within one standard error of that sum. (The least itself
-        follows the gauges so closely that the boundary far from them runs wild.)
+        Its weight; if not given, one for all constituents: the largest whose sum of
+        squared leave-one-out errors is the least or little more. (The least itself can
+        follow the gauges so closely that the boundary far from them runs wild.)
     first_guess : TideForcing, optional
         Boundary values of the same open nodes (an atlas, for instance): what is fitted
         and kept smooth is the difference from them.
@@ -212,26 +218,29 @@ def fit_boundary(
             rest = tide.elevation[:n_c] @ place.T
             rest -= np.einsum("cgo,co->cg", effect, forcing.elevation)
         while step == 0 and outlier is not None:
-            judged = _fit_all(
-                effect, gauges.elevation - rest, first, roughness, given, closest=True
-            )
-            worst = _outlier(judged, gauges.elevation, outlier, minimum_gauges)
+            parts = _constituents(effect, gauges.elevation - rest, first, roughness)
+            weight = _chosen_smoothness(parts, closest=True)
+            errors = np.stack([part.leave_one_out(weight) for part in parts])
+            worst = _outlier(errors, gauges.elevation, outlier, minimum_gauges)
             if worst is None:
                 break
-            left_out.append(_rejected(gauges, worst, judged))
+            left_out.append(_rejected(gauges, worst, errors))
             kept = np.delete(np.arange(len(gauges.stations)), worst)
             gauges, place = _subset(gauges, kept), place[kept]
             effect, rest = effect[:, kept], rest[:, kept]
-        fits = _fit_all(effect, gauges.elevation - rest, first, roughness, given)
-        boundary = np.stack([fit.boundary for fit in fits])
+        parts = _constituents(effect, gauges.elevation - rest, first, roughness)
+        if given is None:
+            weights = np.full(n_c, _chosen_smoothness(parts))
+            # Held after the first nonlinear pass, or it could go back and forth.
+            given = weights if step == 1 else None
+        else:
+            weights = given
+        boundary = np.stack([p.boundary(w) for p, w in zip(parts, weights)])
         change = _relative_change(forcing.elevation, boundary)
         forcing = forcing_of(boundary)
         logger.info("pass %d: boundary values changed by %.1e", step + 1, change)
         if not nonlinear or (step > 0 and change < PASS_TOLERANCE):
             break
-        if step == 1 and given is None:
-            # Held from here on, or the choice could change back and forth.
-            given = np.array([fit.smoothness for fit in fits])
         if step < passes - 1:
             tide = solve(mesh, forcing, settings, friction=friction, drag=drag)
     else:
@@ -242,8 +251,8 @@ def fit_boundary(
         gauges=gauges,
         left_out=tuple(left_out),
         modelled=np.einsum("cgo,co->cg", effect, boundary) + rest,
-        leave_one_out=np.stack([fit.leave_one_out for fit in fits]),
-        smoothness=np.array([fit.smoothness for fit in fits]),
+        leave_one_out=np.stack([p.leave_one_out(w) for p, w in zip(parts, weights)]),
+        smoothness=weights,
     )
 
 
@@ -272,9 +281,12 @@ def gauge_effects(wave: FactorisedWave, place: sparse.csr_array) -> np.ndarray:
 class Roughness:
     """Penalty of boundary values that are not smooth along the open boundary.
 
-    ``b' P b`` is L^3 times the integral of |b''|^2 plus `SLOPE_PENALTY` L times that of
-    |b'|^2, string by string, plus what the means of several strings differ by. It has
-    the units of b^2, and is zero for constants alone.
+    Measured along it is not the distance but the time that a long wave takes, ds /
+    sqrt(g h): tides vary by wavelengths, so 100 km of deep water are stiffer than 10 km
+    of shoal. With T the time along all of it, ``b' P b`` is T^3 times the integral of
+    |b''|^2 plus `SLOPE_PENALTY` T times that of |b'|^2, string by string, plus what the
+    means of several strings differ by. It has the units of b^2, and is zero for
+    constants alone.
 
     Parameters
     ----------
@@ -286,7 +298,7 @@ class Roughness:
         column = np.full(len(mesh.points), -1)
         column[nodes] = np.arange(len(nodes))
         strings = [b for b in mesh.boundaries if b.kind == "open"]
-        gaps = [_gaps(mesh.points, b.nodes, b.closed) for b in strings]
+        gaps = [_travel_times(mesh, b.nodes, b.closed) for b in strings]
         length = sum(gap.sum() for gap in gaps)
         blocks = []
         for string, gap in zip(strings, gaps):
@@ -315,90 +327,84 @@ class Roughness:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class _Fit:
-    boundary: np.ndarray
-    leave_one_out: np.ndarray
-    smoothness: float
-
-
-def _fit(
-    effect: np.ndarray,
-    observed: np.ndarray,
-    guess: np.ndarray,
-    roughness: Roughness,
-    smoothness: float | None,
-    *,
-    closest: bool = False,
-) -> _Fit:
-    """Penalised least squares of one constituent.
+class _Constituent:
+    """Penalised least squares of one constituent, ready for any smoothness.
 
     The constant part T of the effect costs nothing, so the misfit of the data in its
     direction is zero; across it the penalty makes a kernel K = G P^+ G', whose
     eigenvectors serve every smoothness s: with Q = Z V (D + s)^-1 V' Z' the residual is
-    s Q d, and that of gauge i left out (Q d)_i / Q_ii. The smoothness, if not given, is
-    the one of the least sum of these squared (`closest`), or the largest not worse by
-    more than its standard error.
+    s Q d, and that of gauge i left out (Q d)_i / Q_ii.
     """
-    known = np.isfinite(observed)
-    effect, data = effect[known], observed[known] - effect[known] @ guess
-    constant = effect.sum(axis=1)
-    half = roughness.half_inverse(effect.conj().T)
-    across = np.linalg.qr(constant[:, None], mode="complete")[0][:, 1:]
-    kernel = half @ across
-    values, vectors = np.linalg.eigh(kernel.conj().T @ kernel)
-    values, vectors = np.maximum(values, 0.0), across @ vectors
-    scale = float(values.max(initial=0.0)) or 1.0
-    score = vectors.conj().T @ data
 
-    def left_out(weight: float) -> np.ndarray:
-        share = (np.abs(vectors) ** 2) @ (1.0 / (values + weight))
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return vectors @ (score / (values + weight)) / share
+    def __init__(
+        self,
+        effect: np.ndarray,
+        observed: np.ndarray,
+        guess: np.ndarray,
+        roughness: Roughness,
+    ):
+        self.known = np.isfinite(observed)
+        self._guess, self._roughness = guess, roughness
+        self._effect = effect = effect[self.known]
+        self._data = observed[self.known] - effect @ guess
+        self._constant = effect.sum(axis=1)
+        self._half = roughness.half_inverse(effect.conj().T)
+        across = np.linalg.qr(self._constant[:, None], mode="complete")[0][:, 1:]
+        kernel = self._half @ across
+        values, vectors = np.linalg.eigh(kernel.conj().T @ kernel)
+        self.values, self._vectors = np.maximum(values, 0.0), across @ vectors
+        self._score = self._vectors.conj().T @ self._data
 
-    if smoothness is None:
-        if len(data) < 3:
-            smoothness = DEFAULT_SMOOTHNESS * scale
-        else:
-            tried = scale * np.geomspace(STRONGEST, WEAKEST, CHOICES)
-            squares = np.abs(np.stack([left_out(weight) for weight in tried])) ** 2
-            least = squares[int(np.argmin(squares.sum(axis=1)))]
-            error = 0.0 if closest else np.sqrt(len(data)) * least.std(ddof=1)
-            smoothness = float(
-                tried[int(np.argmax(squares.sum(axis=1) <= least.sum() + error))]
-            )
-    pull = vectors @ (score / (values + smoothness))
-    smooth = roughness.half_inverse_transposed(half @ pull)
-    misfit = data - smoothness * pull - effect @ smooth
-    level = (constant.conj() @ misfit) / (constant.conj() @ constant)
-    errors = np.full(len(observed), complex(np.nan, np.nan))
-    if len(data) > 1:
-        errors[known] = left_out(smoothness)
-    return _Fit(guess + smooth + level, errors, smoothness)
+    def leave_one_out(self, smoothness: float) -> np.ndarray:
+        """(n_g,) errors, NaN where nothing is known or nothing else is."""
+        errors = np.full(len(self.known), complex(np.nan, np.nan))
+        if len(self._data) > 1:
+            damped = 1.0 / (self.values + smoothness)
+            share = (np.abs(self._vectors) ** 2) @ damped
+            errors[self.known] = self._vectors @ (self._score * damped) / share
+        return errors
+
+    def boundary(self, smoothness: float) -> np.ndarray:
+        """(n_ocean,) boundary values."""
+        pull = self._vectors @ (self._score / (self.values + smoothness))
+        smooth = self._roughness.half_inverse_transposed(self._half @ pull)
+        misfit = self._data - smoothness * pull - self._effect @ smooth
+        constant = self._constant
+        level = (constant.conj() @ misfit) / (constant.conj() @ constant)
+        return self._guess + smooth + level
 
 
-def _fit_all(
-    effect: np.ndarray,
-    observed: np.ndarray,
-    first: np.ndarray,
-    roughness: Roughness,
-    given: np.ndarray | None,
-    *,
-    closest: bool = False,
-) -> list[_Fit]:
-    weights = [None] * len(observed) if given is None else given
-    return [
-        _fit(*row, roughness, weight, closest=closest)
-        for *row, weight in zip(effect, observed, first, weights)
-    ]
+def _constituents(
+    effect: np.ndarray, observed: np.ndarray, first: np.ndarray, roughness: Roughness
+) -> list[_Constituent]:
+    return [_Constituent(*row, roughness) for row in zip(effect, observed, first)]
+
+
+def _chosen_smoothness(parts: list[_Constituent], *, closest: bool = False) -> float:
+    """The smoothness of the least leave-one-out errors.
+
+    Constituents differ in size, hardly in shape, and a dozen gauges say little: so all
+    are judged together. `closest` takes the least itself, otherwise the largest
+    smoothness within the `MARGIN`.
+    """
+    scale = max(part.values.max(initial=0.0) for part in parts) or 1.0
+    judges = [part for part in parts if part.known.sum() > 2]
+    if not judges:
+        return DEFAULT_SMOOTHNESS * scale
+    tried = scale * np.geomspace(STRONGEST, WEAKEST, CHOICES)
+    total = np.zeros(CHOICES)
+    for part in judges:
+        errors = np.stack([part.leave_one_out(weight) for weight in tried])
+        total += np.nansum(np.abs(errors) ** 2, axis=1)
+    limit = total.min() * (1.0 if closest else 1.0 + MARGIN)
+    return float(tried[int(np.argmax(total <= limit))])
 
 
 def _outlier(
-    fits: list[_Fit], observed: np.ndarray, factor: float, minimum: int
+    errors: np.ndarray, observed: np.ndarray, factor: float, minimum: int
 ) -> int | None:
     """The gauge that disagrees most with all others, if it does so by too much."""
-    error = _total(np.stack([fit.leave_one_out for fit in fits]))
-    tide = _total(observed)
+    error, tide = _total(errors), _total(observed)
     enough = np.isfinite(observed).sum(axis=1).min() > minimum
     if len(error) < FEWEST_TO_JUDGE or not enough:
         return None
@@ -407,8 +413,8 @@ def _outlier(
     return worst if error[worst] > limit else None
 
 
-def _rejected(gauges: TideTable, worst: int, fits: list[_Fit]) -> LeftOut:
-    error = _total(np.stack([fit.leave_one_out for fit in fits]))
+def _rejected(gauges: TideTable, worst: int, errors: np.ndarray) -> LeftOut:
+    error = _total(errors)
     reason = (
         f"disagrees with the others by {error[worst]:.3f} m, where half of them agree "
         f"to {np.median(error):.3f} m"
@@ -467,10 +473,12 @@ def _linear(settings: TideSettings) -> TideSettings:
     )
 
 
-def _gaps(points: np.ndarray, nodes: np.ndarray, closed: bool) -> np.ndarray:
-    """Distances (m) between neighbours along a string."""
-    run = points[np.append(nodes, nodes[:1])] if closed else points[nodes]
-    return np.hypot(*np.diff(run, axis=0).T)
+def _travel_times(mesh: CoastalMesh, nodes: np.ndarray, closed: bool) -> np.ndarray:
+    """Times between neighbours along a string, but for the factor sqrt(g)."""
+    run = np.append(nodes, nodes[:1]) if closed else nodes
+    distance = np.hypot(*np.diff(mesh.points[run], axis=0).T)
+    depth = np.maximum(mesh.depth[run], SHALLOWEST_M)
+    return distance * 0.5 * (depth[1:] ** -0.5 + depth[:-1] ** -0.5)
 
 
 def _derivatives(
