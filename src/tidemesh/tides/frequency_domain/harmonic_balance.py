@@ -364,7 +364,6 @@ class HarmonicBalance:
         """
         equation, drive = self.equation, self.drive
         elements, settings = equation.elements, equation.settings
-        terms = self._terms(Places(equation.mesh.depth, self.drag), equation.friction)
         velocity = np.stack([elements.nodal_vector(u) for u in state.velocity])
         driving = state.elevation
         if drive.potential is not None:
@@ -375,20 +374,33 @@ class HarmonicBalance:
             slope += np.stack([elements.nodal_vector(row) for row in advection]) / (
                 settings.gravity
             )
+        tensor = np.empty((3, elements.n_points))
+        force, before = np.empty_like(velocity), np.empty_like(velocity)
+        linear = np.broadcast_to(equation.friction, elements.n_points)
+        active = np.arange(elements.n_points)
         for _ in range(_NODAL_SWEEPS):
-            tensor = self._held(terms.mean_slope(velocity))
-            force = terms.evaluate(velocity, state.elevation).friction
-            previous, velocity = velocity, np.empty_like(velocity)
+            drag = None if self.drag is None else self.drag[active]
+            places = Places(equation.mesh.depth[active], drag)
+            terms = self._terms(places, linear[active])
+            old = velocity[:, :, active]
+            level = state.elevation[:, active]
+            tensor[:, active] = self._held(terms.mean_slope(old))
+            resisted = terms.evaluate(old, level, transport=False).friction
+            before[:, :, active], force[:, :, active] = old, resisted
+            new = np.empty_like(old)
             for k, symbols in enumerate(drive.symbols):
-                lag = (force[k] - _times(tensor, previous[k])) / settings.gravity
-                response = nodal_response(equation, symbols, tensor)
-                velocity[k] = turn(response, slope[k] + lag)
+                lag = resisted[k] - _times(tensor[:, active], old[k])
+                response = nodal_response(equation, symbols, tensor)[:, :, active]
+                new[k] = turn(response, slope[k][:, active] + lag / settings.gravity)
+            velocity[:, :, active] = new
             size = np.sqrt((np.abs(velocity) ** 2).mean())
-            if np.abs(velocity - previous).max() <= settings.tolerance * size:
+            moved = np.abs(new - old).max(axis=(0, 1)) > settings.tolerance * size
+            active = active[moved]
+            if len(active) == 0:
                 break
         friction = equation.friction
         if self.drag is not None:
-            friction = self._equivalent(previous, force, tensor)
+            friction = self._equivalent(before, force, tensor)
         return np.ascontiguousarray(velocity.transpose(0, 2, 1)), friction
 
     def _held(self, tensor: np.ndarray) -> np.ndarray:

@@ -21,7 +21,7 @@ from tidemesh.tides.settings import TideSettings
 LEAST_WATER = 0.1
 """Least depth of water that friction sees, over the depth below mean level."""
 
-_CHUNK = 512
+_CHUNK = 64
 _TINY = 1.0e-12
 """m/s, added to speeds that something is divided by."""
 
@@ -75,6 +75,8 @@ class NonlinearTerms:
         velocity: np.ndarray,
         elevation: np.ndarray | None = None,
         shear: np.ndarray | None = None,
+        *,
+        transport: bool = True,
     ) -> Terms:
         """Project the terms on the constituents.
 
@@ -86,10 +88,12 @@ class NonlinearTerms:
             m; needed for a finite amplitude.
         shear : (n_c, 4, n) complex array, optional
             u_x, u_y, v_x, v_y (1/s); needed for the advection.
+        transport : bool
+            Whether the flux e u is wanted.
         """
         finite = self.settings.finite_amplitude
         force = np.empty_like(velocity)
-        flux = np.empty_like(velocity) if finite else None
+        flux = np.empty_like(velocity) if finite and transport else None
         advection = None if shear is None else np.empty_like(velocity)
         sample, project = self.lattice.samples, self.lattice.amplitudes
         for part in self._parts(velocity.shape[-1]):
@@ -98,8 +102,9 @@ class NonlinearTerms:
             water = depth
             if finite:
                 rise = sample(elevation[:, part])
-                flux[:, 0, part] = project(rise * u)
-                flux[:, 1, part] = project(rise * v)
+                if flux is not None:
+                    flux[:, 0, part] = project(rise * u)
+                    flux[:, 1, part] = project(rise * v)
                 water = np.maximum(depth + rise, LEAST_WATER * depth)
             if self.linear is None:
                 resistance = self._resistance(drag, water) * np.sqrt(u * u + v * v)
