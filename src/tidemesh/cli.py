@@ -162,6 +162,65 @@ def solve(
 
 @app.command()
 @click.argument("mesh", type=_MESH)
+@click.option("--fort15", type=_MESH, help="Forcing and physics of an ADCIRC case.")
+@click.option("--fort13", type=_MESH, help="Its nodal attributes [default: beside it].")
+@click.option(
+    "--case", type=_MESH, help="Case file: its sections tide, forcing, simulation."
+)
+@click.option(
+    "--table", type=_MESH, help="Harmonic constants along the ocean boundary (CSV)."
+)
+@click.option(
+    "--stations",
+    type=_MESH,
+    help="Table of places for water levels [default: NOAA's gauges].",
+)
+@_output()
+@_SET
+@_QUIET
+@_JSON
+def simulate(
+    mesh: Path,
+    fort15: Path | None,
+    fort13: Path | None,
+    case: Path | None,
+    table: Path | None,
+    stations: Path | None,
+    output: Path,
+    overrides: tuple[str, ...],
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    """Run the nonlinear tide on a MESH in time (the paper's section 4).
+
+    Writes levels at stations (NetCDF and CSV), harmonic constants, maxima and
+    restart files; the same command goes on after an interruption. Span, step and
+    output by --set simulation.days=90 and the like.
+    """
+    from tidemesh.pipeline.simulate import simulate_mesh
+
+    with _reporting(quiet) as reporter:
+        reporter.start("simulation", 0, 1)
+        summary = simulate_mesh(
+            mesh,
+            output=output,
+            fort15=fort15,
+            fort13=fort13,
+            case=case,
+            table=table,
+            stations=stations,
+            overrides=overrides,
+            progress=reporter.update,
+        )
+        reporter.finish("simulation", summary["seconds"], False)
+    if as_json:
+        click.echo(json.dumps(summary, indent=2))
+    elif not quiet:
+        click.echo(_tide_lines(summary, output))
+
+
+@app.command()
+@click.argument("mesh", type=_MESH)
 @click.argument("solution", type=_MESH)
 @click.option("--nodes", type=int, help="Node budget of the sizes and the new mesh.")
 @click.option("--remesh", is_flag=True, help="Mesh the same water again.")

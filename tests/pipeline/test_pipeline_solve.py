@@ -23,6 +23,7 @@ from tidemesh.io.fort15 import (
     write_fort15,
 )
 from tidemesh.io.fort53 import read_fort53, read_fort54, write_fort53, write_fort54
+from tidemesh.io.tide_records import read_records
 from tidemesh.io.ugrid import read_ugrid, write_ugrid
 from tidemesh.pipeline.tide import solution_of, tide_fields
 from tidemesh.triangulation import topology
@@ -285,3 +286,52 @@ def test_gauges_far_from_the_mesh(placed, tmp_path, capsys):
     arguments = ["verify", str(placed), "--gauges", str(path), "--quiet"]
     assert main([*arguments, "--output", str(tmp_path / "v")]) == 2
     assert "none of the 1 gauges" in capsys.readouterr().err
+
+
+# ---- simulate -------------------------------------------------------------------
+
+SHORT = [
+    "--set",
+    "simulation.days=3",
+    "--set",
+    "simulation.ramp_days=0.5",
+    "--set",
+    "simulation.station_every_s=720",
+    "--set",
+    "simulation.time_step_s=0",
+]
+
+
+@pytest.fixture(scope="module")
+def simulated(model):
+    output = model / "simulated"
+    arguments = ["simulate", str(model / "fort.14"), "--fort15", str(model / "fort.15")]
+    places = model / "places.csv"
+    places.write_text("name,lon,lat,constituent,amplitude,phase\nIn,70000,9000,M2,,\n")
+    arguments += ["--stations", str(places), *SHORT, "--quiet"]
+    assert main([*arguments, "--output", str(output)]) == 0
+    return output
+
+
+def test_a_linear_simulation_settles_into_the_closed_form(simulated, solved):
+    """The same fort.15 in time: lumped mass, but of the same order in space."""
+    constants = read_fort53(simulated / "fort.53")
+    mesh, _ = read_ugrid(simulated / "tide.nc")
+    exact = EXACT.elevation(np.hypot(*mesh.points.T))[0]
+    assert relative(constants.values[0], exact) < 0.02
+    summary = json.loads((simulated / "summary.json").read_text())
+    assert summary["time_step_s"] <= summary["step_advice"]["step_s"]
+    assert summary["stations"] == ["In"]
+    (record,) = read_records(simulated / "stations.csv")
+    k = np.argmin(np.hypot(*(mesh.points - [70_000.0, 9_000.0]).T))
+    # After two days the level at the station is that of the constants nearby.
+    late = record.time - record.time[0] > 2.0 * 86400.0
+    swing = np.ptp(record.elevation[late]) / 2.0
+    assert swing == pytest.approx(abs(constants.values[0, k]), rel=0.05)
+
+
+def test_an_unstable_step_is_refused_before_the_run(model, tmp_path, capsys):
+    arguments = ["simulate", str(model / "fort.14"), "--fort15", str(model / "fort.15")]
+    arguments += ["--output", str(tmp_path / "o"), "--quiet"]
+    assert main([*arguments, "--set", "simulation.time_step_s=2000"]) == 2
+    assert "step" in capsys.readouterr().err

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
-from tidemesh.constants import EARTH_ROTATION
+from tidemesh.constants import EARTH_RADIUS, EARTH_ROTATION
 from tidemesh.datatypes import CoastalMesh, TideForcing
 from tidemesh.errors import InputError
 from tidemesh.geometry.projection import Projection
@@ -19,6 +19,8 @@ from tidemesh.tides.settings import TideSettings
 
 MANNING = "mannings_n_at_sea_floor"
 QUADRATIC = "quadratic_friction_coefficient_at_sea_floor"
+MERCATOR = 22
+"""ICS of the spherical equations on Mercator's map."""
 WEIGHT = "primitive_weighting_in_continuity_equation"
 
 
@@ -101,7 +103,7 @@ def _on_its_map(mesh: CoastalMesh, control: ControlFile) -> CoastalMesh:
                 "is in metres: set ICS = 1 in the fort.15"
             )
         places = mesh.projection.inverse(mesh.points)
-        projection = Projection.equirectangular(control.slam0, control.sfea0)
+        projection = _map(control)
         mesh = dataclasses.replace(
             mesh, points=projection.forward(*places.T), projection=projection
         )
@@ -110,6 +112,16 @@ def _on_its_map(mesh: CoastalMesh, control: ControlFile) -> CoastalMesh:
             mesh, depth=np.maximum(mesh.depth, control.minimum_depth)
         )
     return mesh
+
+
+def _map(control: ControlFile) -> Projection:
+    """ADCIRC's map: Mercator's (ICS = 22), or its own equirectangular one."""
+    if abs(control.ics) == MERCATOR:
+        return Projection(
+            f"+proj=merc +lat_ts={control.sfea0} +lon_0={control.slam0} "
+            f"+R={EARTH_RADIUS} +units=m"
+        )
+    return Projection.equirectangular(control.slam0, control.sfea0)
 
 
 def _attributes(
@@ -168,11 +180,13 @@ def _physics(
         known["coriolis"] = 2.0 * EARTH_ROTATION * np.sin(np.radians(latitude))
     elif control.cori:
         known["coriolis"] = np.full(len(mesh.points), control.cori)
-    if control.ics in (2, 1):
-        metric = "adcirc" if control.ics == 2 else "plane"
-    else:
-        metric = "sphere"
-        notes.append(f"ICS = {control.ics}: lengths of the sphere by the map's scale")
+    metric = "plane" if control.ics == 1 else "adcirc"
+    if control.ics not in (1, 2, MERCATOR):
+        # All full spherical forms converge to the tide of the sphere.
+        metric = "geographic"
+        notes.append(
+            f"ICS = {control.ics}: triangles are measured on the sphere instead"
+        )
     settings = TideSettings(
         constituents=("M2",),
         friction_law=law,
@@ -199,7 +213,7 @@ def _weight(
 ) -> tuple[bool, Any]:
     """Weight tau0 of ADCIRC's wave equation; False where it follows the flow."""
     if attributes is not None and WEIGHT in control.nwp:
-        return True, np.ravel(attributes.values[attributes.names.index(WEIGHT)])
+        return True, np.ravel(attributes.of(WEIGHT))
     if control.tau0 >= 0.0:
         return True, control.tau0
     notes.append(

@@ -19,6 +19,7 @@ from tidemesh.improve.settings import ImproveSettings
 from tidemesh.sizing.settings import SizingSettings
 from tidemesh.tides.adcirc.settings import AdcircSettings
 from tidemesh.tides.settings import TideSettings
+from tidemesh.tides.time_domain.settings import SimulationSettings
 from tidemesh.truncation.settings import TruncationSettings
 
 _STRICT = {"frozen": True, "kw_only": True, "forbid_unknown_fields": True}
@@ -81,6 +82,7 @@ class Case(msgspec.Struct, **_STRICT):
     forcing: ForcingSettings
     tide: TideSettings = TideSettings()
     adcirc: AdcircSettings = AdcircSettings()
+    simulation: SimulationSettings = SimulationSettings()
     truncation: TruncationSettings = TruncationSettings()
     sizing: SizingSettings = SizingSettings()
     hierarchy: HierarchySettings = HierarchySettings()

@@ -11,7 +11,12 @@ from scipy.spatial import cKDTree
 from tidemesh import tides
 from tidemesh.datatypes import CoastalMesh, TideSolution
 from tidemesh.errors import FormatError, InputError
-from tidemesh.io.fort53 import HarmonicConstants, read_fort53, read_fort54
+from tidemesh.io.fort53 import (
+    HarmonicConstants,
+    read_fort53,
+    read_fort54,
+    require_nodes,
+)
 from tidemesh.io.ugrid import read_ugrid
 from tidemesh.pipeline.tide import solution_of
 from tidemesh.tides.settings import TideSettings
@@ -127,13 +132,8 @@ def _filled(
     constants: HarmonicConstants, mesh: CoastalMesh, path: Path
 ) -> HarmonicConstants:
     """The constants, those of dry nodes taken from the nearest wet one."""
-    n = constants.values.shape[1]
-    if n != len(mesh.points):
-        raise FormatError(
-            f"holds {n} nodes, the mesh has {len(mesh.points)}: they do not belong "
-            "together",
-            path,
-        )
+    n = len(mesh.points)
+    require_nodes(constants, n, path)
     dry = ~np.isfinite(constants.values).reshape(len(constants.names), n, -1)
     dry = dry.any(axis=(0, 2))
     if not dry.any():

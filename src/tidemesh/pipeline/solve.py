@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -52,19 +52,30 @@ def read_tide_case(
     *,
     kind: type = TideCase,
     sections: Sequence[str] = ("title", "tide", "forcing", "adcirc"),
+    start: Mapping[str, Any] | None = None,
 ) -> Any:
     """The sections of a case file that matter here, the others left alone.
+
+    Parameters
+    ----------
+    case : path, optional
+    overrides : sequence of "section.key=value"
+    kind : type
+        Struct of the sections.
+    sections : sequence of str
+    start : mapping, optional
+        What holds where the file and the overrides say nothing.
 
     Raises
     ------
     InputError
         If the file or a value cannot be used.
     """
-    data: dict[str, Any] = {}
+    data: dict[str, Any] = dict(start or {})
     text = ""
     if case is not None:
         found, text = read_toml(case)
-        data = {name: found[name] for name in sections if name in found}
+        data.update({name: found[name] for name in sections if name in found})
     apply_overrides(data, overrides)
     return decode_case(data, kind=kind, name=str(case or "--set"), text=text)
 
@@ -109,7 +120,7 @@ def solve_mesh(
     """
     started = time.perf_counter()
     given = read_mesh(mesh)
-    _check(given, Path(mesh))
+    check_mesh(given, Path(mesh))
     summary: dict[str, Any] = {"tidemesh": tidemesh.__version__, "mesh": str(mesh)}
     output = Path(output)
     if fort15 is not None:
@@ -131,11 +142,19 @@ def solve_mesh(
         **report,
     )
     summary["seconds"] = round(time.perf_counter() - started, 3)
-    _write(output, solved, tide, summary)
+    folder = made_folder(output)
+    write_constants(folder, solved, tide)
+    write_summary(folder, summary)
     return summary
 
 
-def _check(mesh: CoastalMesh, path: Path) -> None:
+def check_mesh(mesh: CoastalMesh, path: Path) -> None:
+    """Refuse a mesh on which no tide can be solved.
+
+    Raises
+    ------
+    MeshError, InputError
+    """
     try:
         topology.require_valid(mesh.points, mesh.triangles)
     except MeshError as error:
@@ -153,8 +172,7 @@ def _solve_adcirc_case(
 ) -> tuple[CoastalMesh, TideSolution, dict[str, Any]]:
     theirs = read_adcirc_case(mesh, fort15, fort13)
     data = {"tide": msgspec.to_builtins(theirs.settings)}
-    apply_overrides(data, overrides)
-    case = decode_case(data, kind=TideCase, name="--set")
+    case = read_tide_case(None, overrides, start=data)
     tide, report = solve_tide(
         theirs.mesh,
         theirs.forcing,
@@ -185,15 +203,7 @@ def _solve_case(
     progress: Progress,
 ) -> tuple[CoastalMesh, TideSolution, dict[str, Any]]:
     settings = read_tide_case(case, overrides)
-    forcing = settings.forcing
-    folder = Path(case).parent if case is not None else Path()
-    if table is not None:
-        forcing = ForcingSettings(table=str(Path(table).absolute()))
-    if forcing is None:
-        raise InputError(
-            "nothing drives the tide: give --fort15 FILE, --table FILE with harmonic "
-            "constants along the ocean boundary, or --case FILE with a section forcing"
-        )
+    forcing, folder = forcing_of_case(settings.forcing, case, table)
     files = find_files(tide_files(forcing, settings.tide), folder)
     check_tide_inputs(settings.tide, files)
     # ADCIRC's map of degrees stretches; the plane of the equations must not.
@@ -220,9 +230,30 @@ def _solve_case(
     )
 
 
-def _write(
-    folder: Path, mesh: CoastalMesh, tide: TideSolution, summary: dict[str, Any]
-) -> None:
+def forcing_of_case(
+    forcing: ForcingSettings | None, case: str | Path | None, table: str | Path | None
+) -> tuple[ForcingSettings, Path]:
+    """Where the forcing comes from, and the folder where its paths start."""
+    folder = Path(case).parent if case is not None else Path()
+    if table is not None:
+        return ForcingSettings(table=str(Path(table).absolute())), folder
+    if forcing is None:
+        raise InputError(
+            "nothing drives the tide: give --fort15 FILE, --table FILE with harmonic "
+            "constants along the ocean boundary, or --case FILE with a section forcing"
+        )
+    return forcing, folder
+
+
+def made_folder(path: str | Path) -> Path:
+    """The folder of the results, made if it is not there.
+
+    Raises
+    ------
+    InputError
+        If it cannot be made.
+    """
+    folder = Path(path)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -230,11 +261,20 @@ def _write(
             f"output folder {folder} cannot be written ({error.strerror}); name "
             "another with --output"
         ) from None
+    return folder
+
+
+def write_constants(folder: Path, mesh: CoastalMesh, tide: TideSolution) -> None:
+    """Write ``tide.nc``, ``fort.53`` and ``fort.54``."""
     write_ugrid(folder / "tide.nc", mesh, tide_fields(mesh, tide))
     write_fort53(folder / "fort.53", tide)
     # ADCIRC's velocities on a mesh in degrees are east and north.
     east_north = mesh.projection.east_north(mesh.points, tide.velocity)
     write_fort54(folder / "fort.54", dataclasses.replace(tide, velocity=east_north))
+
+
+def write_summary(folder: Path, summary: dict[str, Any]) -> None:
+    """Write ``summary.json``."""
     text = json.dumps(strict(summary), indent=2, allow_nan=False)
     with atomic(folder / "summary.json") as temporary:
         Path(temporary).write_text(text + "\n", encoding="utf-8")

@@ -99,6 +99,9 @@ def verify(
     constants = verification.compare_constants(
         served.table, table, names=constituents, distance_m=served.distance_m
     )
+    if modelled is None and (Path(solution) / "stations.csv").is_file():
+        # A simulation's own levels are worth more than those of its constants.
+        modelled = Path(solution) / "stations.csv"
     pairs = _record_pairs(served.table, table, observed, modelled, station, start, end)
     records = tuple(
         verification.compare_records(
@@ -134,7 +137,7 @@ def _record_pairs(
     start: str | None,
     end: str | None,
 ) -> list[tuple[TideRecord, TideRecord]]:
-    if observed is None and modelled is None and station is None and start is None:
+    if observed is None and station is None and start is None:
         return []
     if observed is None and (start is None or end is None):
         raise InputError(
