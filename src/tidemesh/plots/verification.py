@@ -45,6 +45,8 @@ _MARKS = (
     ("M6", BLACK, "X"),
 )
 _MORE = ("<", ">", "p", "h", "*", "d")
+_NAME_SIZE = np.array([0.25, 0.025])
+"""Width and height of a name, in parts of a map."""
 _DRAWN_STEP_S = 600.0
 _DOT_STEP_S = 3600.0
 _LINEAR_PERCENT = 20.0
@@ -251,7 +253,7 @@ def plot_gauge_map(
     constituent : str, optional
         The first one in common by default.
     labels : int
-        Gauges with the largest errors that are called by their names.
+        Of the gauges with the largest errors this many are called by their names.
     axis : Axes, optional
 
     Returns
@@ -289,22 +291,37 @@ def plot_gauge_map(
         zorder=4,
     )
     frame.decorate(axis, np.concatenate([frame.place(mesh.points), places[known]]))
-    centre = frame.place(mesh.points).mean(axis=0)
-    for g in known[::-1][: labels if observed.stations else 0]:
-        right = places[g, 0] >= centre[0]
-        axis.annotate(
-            observed.stations[g],
-            places[g],
-            textcoords="offset points",
-            xytext=(7 if right else -7, 5),
-            ha="left" if right else "right",
-            fontsize=7,
-            zorder=5,
-        )
+    if observed.stations:
+        _name_gauges(axis, places[known[::-1]], known[::-1], observed, labels)
     add_colour_bar(axis, spots, f"{name} error |modelled − observed| (m)")
     rms = math.sqrt(float(np.mean(error[known] ** 2)) / 2.0) if len(known) else math.nan
     axis.set_title(f"{name} at {len(known)} gauges: rms error {rms:.3f} m")
     return axis
+
+
+def _name_gauges(
+    axis: Axes, places: np.ndarray, gauges: np.ndarray, table: TideTable, most: int
+) -> None:
+    """Names beside the first gauges, towards the middle, none upon another."""
+    low, high = np.array([axis.get_xlim(), axis.get_ylim()]).T
+    taken: list[np.ndarray] = []
+    for place, g in zip(places, gauges):
+        at = (place - low) / (high - low)
+        if any((np.abs(at - other) < _NAME_SIZE).all() for other in taken):
+            continue
+        taken.append(at)
+        right = at[0] < 0.5
+        axis.annotate(
+            table.stations[g],
+            place,
+            textcoords="offset points",
+            xytext=(6 if right else -6, 4),
+            ha="left" if right else "right",
+            fontsize=7,
+            zorder=5,
+        )
+        if len(taken) == most:
+            return
 
 
 # ---- what two tables have in common ----------------------------------------------
