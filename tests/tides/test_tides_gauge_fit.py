@@ -146,6 +146,7 @@ def test_one_gauge_gives_a_constant_boundary():
     assert np.ptp(fit.forcing.elevation.real, axis=1).max() < 1e-9
     assert np.abs(fit.residual).max() < 1e-12
     assert np.isnan(fit.leave_one_out).all()
+    assert np.isnan(fit.standard_error).all()
 
 
 def test_more_gauges_come_nearer_to_a_smooth_truth():
@@ -217,6 +218,27 @@ def test_fit_minimises_misfit_and_roughness():
         # A parabola whose vertex is at the fit.
         assert abs(ahead - behind) < 1e-6 * (ahead - least)
         assert ahead > least
+
+
+def test_standard_error_is_that_of_the_full_normal_equations():
+    table, smoothness = noisy(twin(6), 0.05), 2e-3
+    fit = fit_boundary(MESH, table, LINEAR, smoothness=smoothness)
+    unit = np.eye(len(MESH.open_nodes))
+    locator = Locator(MESH.points, MESH.triangles)
+    places = np.column_stack([table.longitude_deg, table.latitude_deg])
+    columns = []
+    for column in unit:
+        tide = solve(MESH, forcing_of(MESH, np.stack([column, column])), LINEAR)
+        columns.append(locator.interpolate(tide.elevation, places))
+    for k, effect in enumerate(np.stack(columns, axis=-1)):
+        adjoint = effect.conj().T
+        inverse = np.linalg.inv(adjoint @ effect + smoothness * Roughness(MESH).matrix)
+        freedom = 6 - np.trace(effect @ inverse @ adjoint).real
+        variance = (np.abs(fit.residual[k]) ** 2).sum() / freedom
+        expected = np.sqrt(variance * np.diag(inverse).real)
+        assert np.abs(fit.standard_error[k] - expected).max() < 1e-6 * expected.max()
+    # The gauges are on the north shore: the boundary's north end is known best.
+    assert (fit.standard_error.argmin(axis=1) > 12).all()
 
 
 def test_noise_is_smoothed_away():

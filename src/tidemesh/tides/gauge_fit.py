@@ -87,6 +87,9 @@ class BoundaryFit:
     leave_one_out: ComplexArray
     """(n_c, n_g) m, observed minus what the fit without that gauge predicts for it; NaN
     where the constituent is absent or nothing else is left to fit."""
+    standard_error: FloatArray
+    """(n_c, n_ocean) m, of the boundary values: large where no gauge sees them. NaN
+    with a single gauge."""
     smoothness: FloatArray
     """(n_c,) weight of the smoothness against the misfit."""
 
@@ -96,6 +99,7 @@ class BoundaryFit:
             self,
             modelled=(np.complex128, (n_c, n_g)),
             leave_one_out=(np.complex128, (n_c, n_g)),
+            standard_error=(np.float64, (n_c, len(self.forcing.nodes))),
             smoothness=(np.float64, (n_c,)),
         )
 
@@ -252,6 +256,7 @@ def fit_boundary(
         left_out=tuple(left_out),
         modelled=np.einsum("cgo,co->cg", effect, boundary) + rest,
         leave_one_out=np.stack([p.leave_one_out(w) for p, w in zip(parts, weights)]),
+        standard_error=np.stack([p.standard_error(w) for p, w in zip(parts, weights)]),
         smoothness=weights,
     )
 
@@ -315,6 +320,8 @@ class Roughness:
         # Regular with the constants in, which `_fit` takes care of by themselves.
         level = max(np.trace(self.matrix) / n, 1.0) / n
         self._factor = np.linalg.cholesky(self.matrix + level)
+        self.spread = (self.half_inverse(np.eye(n)) ** 2).sum(axis=0)
+        """(n_ocean,) diagonal of P^-1, with the constants in."""
 
     def half_inverse(self, columns: np.ndarray) -> np.ndarray:
         """R^-1 times (n_ocean, k), where R R' = P."""
@@ -372,6 +379,27 @@ class _Constituent:
         constant = self._constant
         level = (constant.conj() @ misfit) / (constant.conj() @ constant)
         return self._guess + smooth + level
+
+    def standard_error(self, smoothness: float) -> np.ndarray:
+        """(n_ocean,) m, with the penalty taken for the prior of the boundary values.
+
+        The diagonal of v (G' G + s P)^-1 with the noise v that the residual shows
+        (Wahba 1983), by way of the matrix of the gauges.
+        """
+        n = len(self._data)
+        if n < 2:
+            return np.full(len(self._guess), np.nan)
+        damped = 1.0 / (self.values + smoothness)
+        # The noise over the smoothness, from |s Q d|^2 and the trace of s Q.
+        variance = (np.abs(self._score * damped) ** 2).sum() / damped.sum()
+        seen = self._roughness.half_inverse_transposed(self._half).conj().T
+        constant = self._constant
+        kernel = self._half.conj().T @ self._half + smoothness * np.eye(n)
+        solved = np.linalg.solve(kernel, np.column_stack([seen, constant]))
+        level = np.abs(1.0 - constant.conj() @ solved[:, :-1]) ** 2
+        level /= (constant.conj() @ solved[:, -1]).real
+        spread = self._roughness.spread - (seen.conj() * solved[:, :-1]).sum(axis=0)
+        return np.sqrt(variance * np.maximum(spread.real + level, 0.0))
 
 
 def _constituents(
