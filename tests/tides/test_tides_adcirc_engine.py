@@ -502,6 +502,25 @@ def test_friction_at_the_nodes_goes_into_the_fort13(tmp_path, mesh, forcing):
     assert read_fort15(run.path / "fort.15").friction == 0.004
 
 
+def test_momentum_is_not_advected_across_the_ocean_boundary(tmp_path, mesh, forcing):
+    tide = replace_tide(finite_amplitude=True, advection=True, friction_law="manning")
+    run = write_run(tmp_path / "run", mesh, forcing, tide, SETTINGS)
+    names = read_fort15(run.path / "fort.15").nwp
+    assert names == ("mannings_n_at_sea_floor", "advection_state")
+    # ADCIRC advects where all nodes of an element are deeper than the attribute.
+    limit = read_fort13(run.path / "fort.13").of("advection_state")[:, 0]
+    still = (mesh.depth < limit)[mesh.triangles].any(axis=1)
+    at_ocean = np.isin(mesh.triangles, mesh.open_nodes).any(axis=1)
+    np.testing.assert_array_equal(still, at_ocean)
+    two = AdcircSettings(ocean_rings_without_advection=2)
+    limit = run_inputs(mesh, forcing, tide, two).attributes.of("advection_state")[:, 0]
+    np.testing.assert_array_equal(
+        limit > mesh.depth, np.isin(np.arange(63), mesh.triangles[at_ocean])
+    )
+    none = AdcircSettings(ocean_rings_without_advection=0)
+    assert run_inputs(mesh, forcing, tide, none).control.nwp == names[:1]
+
+
 def test_astronomy_goes_with_forcing_and_analysis(mesh, forcing):
     given = replace(forcing, nodal_factor=[0.97], argument=[math.radians(-30.0)])
     control = run_inputs(mesh, given, TIDE, SETTINGS).control
@@ -664,7 +683,7 @@ def test_the_analysis_is_long_enough_to_tell_constituents_apart(mesh, names, day
     start, end = plan.harmonic_days
     assert end - start == pytest.approx(days, rel=2e-4)
     short = plan_run(mesh, forcing, TIDE, AdcircSettings(run_days=12.0))
-    assert any("too short to tell" in note for note in short.notes)
+    assert any("is too short" in note for note in short.notes)
 
 
 def test_settings_that_contradict_each_other_are_refused(mesh, forcing):
@@ -743,6 +762,10 @@ def test_shallow_nodes_are_deepened_and_told(mesh, forcing):
     count = int((mesh.depth < 5.0).sum())
     assert inputs.control.minimum_depth == 5.0
     assert any(f"{count} nodes shallower" in note for note in inputs.plan.notes)
+    high = replace(forcing, elevation=20.0 * forcing.elevation)
+    finite = replace_tide(finite_amplitude=True)
+    assert any("fall dry" in n for n in plan_run(mesh, high, finite, SETTINGS).notes)
+    assert not any("fall dry" in n for n in plan_run(mesh, high, TIDE, SETTINGS).notes)
     # Left to itself, ADCIRC must change no depth.
     inputs = run_inputs(mesh, forcing, TIDE, SETTINGS)
     assert inputs.control.minimum_depth < mesh.depth.min()

@@ -33,9 +33,11 @@ from tidemesh.triangulation.quality import area
 FRICTION = "quadratic_friction_coefficient_at_sea_floor"
 """C_f at the nodes; with linear friction ADCIRC takes the same attribute for tau."""
 MANNING = "mannings_n_at_sea_floor"
+ADVECTION = "advection_state"
 
 ICS = {"metres": 1, "adcirc": 2, "equal_area": 20, "mercator": 22}
 _PROGRESS_LINES = 200
+_ABYSS_M = 99999.0
 _EASY, _FEW = 5.0, 50
 """Courant number up to which the equations of a step are solved in some 20 iterations;
 iterations below which they may not be."""
@@ -109,7 +111,7 @@ def run_inputs(
     ncor = int(np.ndim(rotation) > 0)
     ics = _coordinates(mesh, forcing, tide, settings, ncor)
     potential = _potential_rows(mesh, forcing)
-    attributes = _attributes(mesh, tide, coefficient)
+    attributes = _attributes(mesh, tide, settings, coefficient)
     centre = (0.0, 0.0) if ics == 1 else _centre(mesh)
     control = ControlFile(
         run_description=f"tidemesh {tide.friction_law}",
@@ -270,22 +272,37 @@ def _coefficient(
 
 
 def _attributes(
-    mesh: CoastalMesh, tide: TideSettings, coefficient: float | np.ndarray
+    mesh: CoastalMesh,
+    tide: TideSettings,
+    settings: AdcircSettings,
+    coefficient: float | np.ndarray,
 ) -> NodalAttributes | None:
-    manning = tide.friction_law == "manning"
-    if not manning and np.ndim(coefficient) == 0:
+    """What goes into the fort.13: names, units, the usual value, values."""
+    rows: list[tuple[str, str, float, np.ndarray]] = []
+    if tide.friction_law == "manning" or np.ndim(coefficient):
+        values = np.broadcast_to(coefficient, mesh.depth.shape)
+        # The value of most nodes need not be listed.
+        common, count = np.unique(values, return_counts=True)
+        manning = tide.friction_law == "manning"
+        name, unit = (MANNING, "s/m^(1/3)") if manning else (FRICTION, "unitless")
+        rows.append((name, unit, float(common[np.argmax(count)]), values))
+    rings = settings.ocean_rings_without_advection
+    if tide.advection and rings and len(mesh.open_nodes):
+        near = np.zeros(len(mesh.points), dtype=bool)
+        near[mesh.open_nodes] = True
+        for _ in range(rings - 1):
+            near[mesh.triangles[near[mesh.triangles].any(axis=1)]] = True
+        # Momentum is advected in elements deeper than this at all their nodes.
+        rows.append((ADVECTION, "m", -_ABYSS_M, np.where(near, _ABYSS_M, -_ABYSS_M)))
+    if not rows:
         return None
-    # The value of most nodes need not be listed.
-    common, count = np.unique(coefficient, return_counts=True)
-    default = common[np.argmax(count)]
-    name, unit = (MANNING, "s/m^(1/3)") if manning else (FRICTION, "unitless")
-    values = np.broadcast_to(coefficient, mesh.depth.shape)
+    names, units, usual, values = zip(*rows)
     return NodalAttributes(
-        "friction of the sea floor",
-        (name,),
-        (unit,),
-        (np.array([default]),),
-        (values[:, None],),
+        "nodal attributes of a tide run",
+        names,
+        units,
+        tuple(np.array([value]) for value in usual),
+        tuple(column[:, None] for column in values),
     )
 
 

@@ -102,11 +102,10 @@ def write_inputs(
     """The same from inputs that are put together already."""
     folder = Path(folder)
     before = _known(folder)
-    folder.parent.mkdir(parents=True, exist_ok=True)
     # Beside its place, so that a directory is complete or not there.
     beside = folder.with_name(f".{folder.name}.{os.getpid()}.part")
     try:
-        beside.mkdir()
+        beside.mkdir(parents=True)
         manifest = _write(beside, inputs, settings)
         if before is not None and before["inputs"] == manifest["inputs"]:
             # What is expected of the results may differ, not the run itself.

@@ -83,9 +83,15 @@ def plan_run(
     notes: list[str] = []
     least = _minimum_depth(mesh, settings, notes)
     tau0 = _tau0(tide, settings)
-    crossing = crossing_time(
-        mesh, least, surge=_surge(forcing, tide), gravity=tide.gravity
-    )
+    surge = _surge(forcing, tide)
+    shallowest = max(float(mesh.depth.min()), least)
+    if surge >= shallowest and not settings.wetting:
+        notes.append(
+            f"the tide at the ocean boundary ({surge:.2g} m) is higher than the least "
+            f"depth ({shallowest:.2g} m): nodes that fall dry blow a run up; raise "
+            "adcirc.minimum_depth_m or use adcirc.wetting"
+        )
+    crossing = crossing_time(mesh, least, surge=surge, gravity=tide.gravity)
     step, note = _time_step(forcing, tide, settings, tau0, crossing)
     notes.append(note)
     start, end = _window(forcing, settings, notes)
@@ -115,7 +121,7 @@ def plan_run(
 
 
 def separation_days(forcing: TideForcing) -> tuple[float, str]:
-    """Time to tell the constituents apart (Rayleigh), and the pair that asks for it.
+    """Time to tell the constituents apart (Rayleigh), and what it is needed for.
 
     Raises
     ------
@@ -138,10 +144,10 @@ def separation_days(forcing: TideForcing) -> tuple[float, str]:
         )
     # A constituent that is not slower than the run needs at least one of its periods.
     slowest = int(np.flatnonzero(frequency > 0.0)[0])
-    best = 2.0 * math.pi / frequency[slowest], names[slowest]
+    best = 2.0 * math.pi / frequency[slowest], f"one period of {names[slowest]}"
     for k, gap in enumerate(gaps):
-        if 2.0 * math.pi / gap > best[0]:
-            best = 2.0 * math.pi / gap, f"{names[k]} and {names[k + 1]}"
+        if 2.0 * math.pi / gap > 1.0001 * best[0]:
+            best = 2.0 * math.pi / gap, f"telling {names[k]} and {names[k + 1]} apart"
     return best[0] / DAY_S, best[1]
 
 
@@ -277,7 +283,7 @@ def _two_digits(value: float) -> float:
 def _window(
     forcing: TideForcing, settings: AdcircSettings, notes: list[str]
 ) -> tuple[float, float]:
-    needed, pair = separation_days(forcing)
+    needed, purpose = separation_days(forcing)
     start = settings.spin_up_days
     if start is None:
         start = max(_LEAST_DAYS, _RAMPS * settings.ramp_days)
@@ -292,13 +298,13 @@ def _window(
                 "adcirc.spin_up_days"
             )
     notes.append(
-        f"{end:.4g} days, harmonic analysis from day {start:.4g}; {pair} asks for "
+        f"{end:.4g} days, harmonic analysis from day {start:.4g}; {purpose} takes "
         f"{needed:.4g} days"
     )
     if end - start < 0.999 * needed:
         notes.append(
-            f"the analysis of {end - start:.4g} days is too short to tell {pair} "
-            f"apart: raise adcirc.run_days to {start + needed:.4g}"
+            f"the analysis of {end - start:.4g} days is too short: {purpose} takes "
+            f"{needed:.4g} days; raise adcirc.run_days to {start + needed:.4g}"
         )
     if settings.ramp_days > 0.0 and start < 3.0 * settings.ramp_days:
         left = 1.0 - math.tanh(2.0 * start / settings.ramp_days)

@@ -94,6 +94,11 @@ class AdcircSettings(
     eddy_viscosity: NonNegative = 0.0
     """Lateral, m2/s (ESLM)."""
 
+    ocean_rings_without_advection: Annotated[int, msgspec.Meta(ge=0, le=1000)] = 1
+    """Rings of elements along the ocean boundary, counted from it, in which momentum is
+    not advected (nodal attribute advection_state): where shallow water meets the
+    boundary, advection across it makes runs blow up."""
+
     coordinates: Literal["auto", "metres", "adcirc", "mercator", "equal_area"] = "auto"
     """Plane metres (ICS = 1); longitude and latitude in ADCIRC's classical map, which
     leaves out curvature (ICS = 2); or the full spherical equations on Mercator's map
