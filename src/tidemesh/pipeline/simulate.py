@@ -42,6 +42,7 @@ from tidemesh.tides.time_domain import (
     SimulationSettings,
     Station,
     simulate,
+    stable_step,
 )
 from tidemesh.triangulation import locate
 
@@ -183,6 +184,17 @@ def _of_fort15(
     settings = read_tide_case(None, overrides, kind=SimulationCase, start=data)
     known = {k: v for k, v in theirs.known.items() if k in ("friction", "drag")}
     notes = [n for n in theirs.notes if not n.startswith("lateral eddy")]
+    step = settings.simulation.time_step_s
+    if step == abs(control.time_step):
+        advice = stable_step(theirs.mesh, settings.simulation, settings.tide)
+        if step > advice.step_s:
+            # ADCIRC's gravity waves are implicit, these are not.
+            notes.append(
+                f"DTDP = {step:g} s is too long for explicit steps: "
+                f"at most {advice.step_s:.3g} s, {advice.reason}"
+            )
+            shorter = msgspec.structs.replace(settings.simulation, time_step_s=0.0)
+            settings = msgspec.structs.replace(settings, simulation=shorter)
     return theirs.mesh, theirs.forcing, settings, known, tuple(notes)
 
 

@@ -313,7 +313,9 @@ class _Run:
             "fastest": self.fastest,
             "times": np.array(self.times),
             "volumes": np.array(self.volumes),
-            "levels": np.array(self.levels).reshape(-1, len(self.stations)),
+            "levels": np.array(self.levels).reshape(
+                len(self.levels), len(self.stations)
+            ),
             "fields": np.array(self.fields),
         }
         if self.sums is not None:
