@@ -413,7 +413,7 @@ def advance(
 
 
 def _named(function, name):
-    """The same function under another name: numba's cache goes by it, not by options."""
+    """The function under another name: numba caches by name, whatever the options."""
     return FunctionType(
         function.__code__.replace(co_name=name, co_qualname=name),
         function.__globals__,

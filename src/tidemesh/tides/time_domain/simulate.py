@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
+from zipfile import BadZipFile
 
 import msgspec
 import numpy as np
@@ -334,7 +335,7 @@ class _Run:
             with np.load(path) as file:
                 saved = {name: file[name] for name in file.files}
             name, steps = str(saved["run"]), int(saved["steps"])
-        except (OSError, KeyError, ValueError, EOFError) as error:
+        except (OSError, KeyError, ValueError, EOFError, BadZipFile) as error:
             raise InputError(f"{path}: is not a restart file ({error})") from error
         if name != self._name:
             raise InputError(
