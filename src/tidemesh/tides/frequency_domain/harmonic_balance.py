@@ -13,12 +13,14 @@ a third of T.
 
 from __future__ import annotations
 
+import copy
 import logging
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 from threadpoolctl import threadpool_limits
 
@@ -58,7 +60,7 @@ _STILL = 1.0e-3
 _DAILY = 7.3e-5
 """rad/s, where nothing oscillates."""
 
-_HISTORY = 6
+_HISTORY = 8
 """Iterations that the acceleration draws on."""
 
 _ROUGH, _ROUGH_ITERATIONS = 0.05, 6
@@ -176,7 +178,7 @@ class HarmonicBalance:
         history = _Acceleration(self._weights(), _HISTORY)
         limit = _RUNAWAY * self.drive.strength().max()
         for self.iterations in range(1, settings.max_iterations + 1):
-            if self._renew_split(state.velocity):
+            if self._renew_split(state):
                 history.forget()
             previous, state = state, self._advance(state)
             self.change = self._change_of(previous.elevation, state.elevation)
@@ -223,12 +225,16 @@ class HarmonicBalance:
         return state
 
     def _alone(self, k: int) -> _State:
-        """One constituent, roughly."""
+        """One constituent with its friction alone, roughly."""
+        equation = copy.copy(self.equation)
+        equation.settings = msgspec.structs.replace(
+            equation.settings, finite_amplitude=False, advection=False
+        )
         drive = self.drive.only([k])._replace(combination=np.ones((1, 1), np.int64))
-        balance = HarmonicBalance(self.equation, drive, self.drag)
+        balance = HarmonicBalance(equation, drive, self.drag)
         state = balance._start()
         for _ in range(_ROUGH_ITERATIONS):
-            balance._renew_split(state.velocity)
+            balance._renew_split(state)
             previous, state = state, balance._advance(state)
             change = balance._change_of(previous.elevation, state.elevation)
             if change < _ROUGH:
@@ -271,11 +277,12 @@ class HarmonicBalance:
             self._waves[k] = wave
         return wave
 
-    def _renew_split(self, velocity: np.ndarray) -> bool:
+    def _renew_split(self, state: _State) -> bool:
         """Take the mean derivative of the friction anew where it has changed."""
-        if self.drag is None or not velocity.any():
+        if self.drag is None or not state.velocity.any():
             return False
-        tensor = self._held(self.terms.mean_slope(velocity))
+        slope = self.terms.mean_slope(state.velocity, self._level(state))
+        tensor = self._held(slope)
         old = self._split._element_friction
         if old.ndim == 2:
             moved = (tensor - old)[::2].sum(axis=0)
@@ -289,13 +296,17 @@ class HarmonicBalance:
         return True
 
     def _evaluate(self, state: _State) -> Terms:
-        settings, elements = self.equation.settings, self.equation.elements
-        level = shear = None
-        if settings.finite_amplitude:
-            level = np.stack([elements.mean(row) for row in state.elevation])
-        if settings.advection:
+        shear = None
+        if self.equation.settings.advection:
             shear = np.stack([self._shear(row) for row in state.velocity])
-        return self.terms.evaluate(state.velocity, level, shear)
+        return self.terms.evaluate(state.velocity, self._level(state), shear)
+
+    def _level(self, state: _State) -> np.ndarray | None:
+        """(n_c, n_triangles) elevation of the triangles, where it counts."""
+        if not self.equation.settings.finite_amplitude:
+            return None
+        mean = self.equation.elements.mean
+        return np.stack([mean(row) for row in state.elevation])
 
     def _shear(self, velocity: np.ndarray) -> np.ndarray:
         """(4, n_triangles) derivatives of the mean velocities at the nodes."""
@@ -384,7 +395,7 @@ class HarmonicBalance:
             terms = self._terms(places, linear[active])
             old = velocity[:, :, active]
             level = state.elevation[:, active]
-            tensor[:, active] = self._held(terms.mean_slope(old))
+            tensor[:, active] = self._held(terms.mean_slope(old, level))
             resisted = terms.evaluate(old, level, transport=False).friction
             before[:, :, active], force[:, :, active] = old, resisted
             new = np.empty_like(old)

@@ -18,7 +18,7 @@ import numpy as np
 from tidemesh.tides.frequency_domain.sampling import PhaseLattice
 from tidemesh.tides.settings import TideSettings
 
-LEAST_WATER = 0.1
+LEAST_WATER = 0.2
 """Least depth of water that friction sees, over the depth below mean level."""
 
 _CHUNK = 64
@@ -105,7 +105,7 @@ class NonlinearTerms:
                 if flux is not None:
                     flux[:, 0, part] = project(rise * u)
                     flux[:, 1, part] = project(rise * v)
-                water = np.maximum(depth + rise, LEAST_WATER * depth)
+                water = self._water(depth, rise)
             if self.linear is None:
                 resistance = self._resistance(drag, water) * np.sqrt(u * u + v * v)
                 force[:, 0, part] = project(resistance * u)
@@ -118,11 +118,15 @@ class NonlinearTerms:
             force[:] = self.linear * velocity
         return Terms(force, advection, flux)
 
-    def mean_slope(self, velocity: np.ndarray) -> np.ndarray:
+    def mean_slope(
+        self, velocity: np.ndarray, elevation: np.ndarray | None = None
+    ) -> np.ndarray:
         """(3, n) mean derivative of the friction by the velocity (1/s): xx, xy, yy.
 
         With the friction split into this part, which is solved for, and the rest, which
-        is lagged, an iteration changes by a third at most from step to step.
+        is lagged, an iteration changes little from step to step. Where the derivative
+        has peaks of more than twice its mean (shallow water at low tide) it is raised
+        to half of them, since the lagged rest would outweigh it.
         """
         n = velocity.shape[-1]
         if self.linear is not None:
@@ -133,13 +137,22 @@ class NonlinearTerms:
             v = self.lattice.samples(velocity[:, 1, part])
             uu, vv = u * u, v * v
             speed = np.sqrt(uu + vv) + _TINY
-            scale = self._resistance(
-                self.places.drag[part], self.places.depth[part]
-            ) / len(u)
-            tensor[0, part] = scale * (speed + uu / speed).sum(axis=0)
-            tensor[1, part] = scale * (u * v / speed).sum(axis=0)
-            tensor[2, part] = scale * (speed + vv / speed).sum(axis=0)
+            water = self.places.depth[part]
+            if self.settings.finite_amplitude:
+                water = self._water(water, self.lattice.samples(elevation[:, part]))
+            scale = self._resistance(self.places.drag[part], water)
+            tensor[0, part] = (scale * (speed + uu / speed)).mean(axis=0)
+            tensor[1, part] = (scale * (u * v / speed)).mean(axis=0)
+            tensor[2, part] = (scale * (speed + vv / speed)).mean(axis=0)
+            # The sum of xx and yy is three times this.
+            half_peak = 1.5 * (scale * speed).max(axis=0)
+            mean = tensor[0, part] + tensor[2, part]
+            tensor[:, part] *= np.maximum(half_peak / (mean + _TINY), 1.0)
         return tensor
+
+    @staticmethod
+    def _water(depth: np.ndarray, rise: np.ndarray) -> np.ndarray:
+        return np.maximum(depth + rise, LEAST_WATER * depth)
 
     def _resistance(self, drag: np.ndarray, water: np.ndarray) -> np.ndarray:
         """C_f over the depth of water (1/m)."""
