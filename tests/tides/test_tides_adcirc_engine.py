@@ -36,7 +36,6 @@ from tidemesh.tides.adcirc import (
 )
 from tidemesh.tides.adcirc.bottom import equivalent_friction
 from tidemesh.tides.adcirc.launch import command_line
-from tidemesh.tides.frequency_domain.nonlinear_terms import Places
 from tidemesh.tides.frequency_domain.solve import solve
 from tidemesh.tides.potential import with_potential
 from tidemesh.tides.settings import TideSettings
@@ -783,7 +782,8 @@ def test_one_constituent_along_a_line_is_lorentz():
         np.array([FREQUENCY]),
         velocity,
         np.zeros((1, 2)),
-        Places(np.array([10.0, 4.0]), np.array([0.003, 0.003])),
+        np.array([10.0, 4.0]),
+        np.array([0.003, 0.003]),
         TideSettings(friction_law="quadratic"),
     )
     lorentz = 8.0 / (3.0 * math.pi) * 0.003 * speed / [10.0, 4.0]
@@ -799,7 +799,8 @@ def test_a_small_tide_beside_a_large_one_feels_half_as_much_again():
         frequency,
         velocity,
         np.zeros((2, 1)),
-        Places(np.array([1.0]), np.array([1.0])),
+        np.array([1.0]),
+        np.array([1.0]),
         TideSettings(friction_law="quadratic"),
     )
     assert tau[1, 0] / tau[0, 0] == pytest.approx(1.5, rel=1e-2)

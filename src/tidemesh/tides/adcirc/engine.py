@@ -23,7 +23,6 @@ from tidemesh.tides.adcirc.launch import (
     run_adcirc,
 )
 from tidemesh.tides.adcirc.settings import AdcircSettings
-from tidemesh.tides.frequency_domain.nonlinear_terms import Places
 from tidemesh.tides.frequency_domain.solve import drag_coefficient
 from tidemesh.tides.settings import TideSettings
 
@@ -198,7 +197,8 @@ def _friction(
         forcing.frequency,
         turn[:, None, None] * velocity,
         turn[:, None] * elevation,
-        Places(depth, drag_coefficient(mesh, tide, coefficient)),
+        depth,
+        drag_coefficient(mesh, tide, coefficient),
         tide,
         driven=driven,
     )
