@@ -491,7 +491,9 @@ def _joined(parts: list[tuple[np.ndarray, np.ndarray]]) -> tuple:
 def _decorate_dates(axis: Axes, low: float, high: float) -> None:
     ends = _dates(np.array([low, high]))
     axis.set_xlim(*ends)
-    axis.xaxis.set_major_locator(AutoDateLocator(minticks=4, maxticks=9, tz=UTC))
+    # Without multiples, since the 31st and the first would hide each other.
+    locator = AutoDateLocator(minticks=4, maxticks=8, interval_multiples=False, tz=UTC)
+    axis.xaxis.set_major_locator(locator)
     form = "%d %b" if ends[1] - ends[0] > 4.0 else "%d %b %H:%M"
     axis.xaxis.set_major_formatter(DateFormatter(form, tz=UTC))
     years = sorted({datetime.fromtimestamp(t, UTC).year for t in (low, high - 1.0)})
