@@ -41,14 +41,17 @@ SLOPE_PENALTY = 0.01
 """Weight of the first derivative along the boundary beside that of the second: a linear
 trend across the whole of it costs 1/5000 of an arch of the same height."""
 
-WEAKEST, STRONGEST, CHOICES = 1.0e-8, 1.0e2, 81
-"""Smoothness tried by leaving gauges out, times the largest effect of the data."""
+WEAKEST, STRONGEST, CHOICES = 1.0e-8, 1.0e-2, 61
+"""Smoothness tried by leaving gauges out. At the strongest an arch of 10 cm along the
+whole boundary costs as much as a misfit of 7 cm at one gauge. More would hold any tide
+to a constant; that is what leaving out the last gauge before an end of the boundary
+votes for, since nothing predicts it."""
 
 MARGIN = 0.25
 """By so much more than the least may the sum of squared leave-one-out errors be."""
 
-DEFAULT_SMOOTHNESS = 1.0e-2
-"""The same, where two gauges or less leave nothing to choose it by."""
+DEFAULT_SMOOTHNESS = 1.0e-3
+"""Where two gauges or less leave nothing to choose it by."""
 
 LEAST_OUTLIER = 0.05
 """A gauge whose leave-one-out error is a smaller part of its tide is no outlier."""
@@ -359,21 +362,21 @@ class _Constituent:
         across = np.linalg.qr(self._constant[:, None], mode="complete")[0][:, 1:]
         kernel = self._half @ across
         values, vectors = np.linalg.eigh(kernel.conj().T @ kernel)
-        self.values, self._vectors = np.maximum(values, 0.0), across @ vectors
+        self._values, self._vectors = np.maximum(values, 0.0), across @ vectors
         self._score = self._vectors.conj().T @ self._data
 
     def leave_one_out(self, smoothness: float) -> np.ndarray:
         """(n_g,) errors, NaN where nothing is known or nothing else is."""
         errors = np.full(len(self.known), complex(np.nan, np.nan))
         if len(self._data) > 1:
-            damped = 1.0 / (self.values + smoothness)
+            damped = 1.0 / (self._values + smoothness)
             share = (np.abs(self._vectors) ** 2) @ damped
             errors[self.known] = self._vectors @ (self._score * damped) / share
         return errors
 
     def boundary(self, smoothness: float) -> np.ndarray:
         """(n_ocean,) boundary values."""
-        pull = self._vectors @ (self._score / (self.values + smoothness))
+        pull = self._vectors @ (self._score / (self._values + smoothness))
         smooth = self._roughness.half_inverse_transposed(self._half @ pull)
         misfit = self._data - smoothness * pull - self._effect @ smooth
         constant = self._constant
@@ -389,7 +392,7 @@ class _Constituent:
         n = len(self._data)
         if n < 2:
             return np.full(len(self._guess), np.nan)
-        damped = 1.0 / (self.values + smoothness)
+        damped = 1.0 / (self._values + smoothness)
         # The noise over the smoothness, from |s Q d|^2 and the trace of s Q.
         variance = (np.abs(self._score * damped) ** 2).sum() / damped.sum()
         seen = self._roughness.half_inverse_transposed(self._half).conj().T
@@ -415,17 +418,20 @@ def _chosen_smoothness(parts: list[_Constituent], *, closest: bool = False) -> f
     are judged together. `closest` takes the least itself, otherwise the largest
     smoothness within the `MARGIN`.
     """
-    scale = max(part.values.max(initial=0.0) for part in parts) or 1.0
     judges = [part for part in parts if part.known.sum() > 2]
     if not judges:
-        return DEFAULT_SMOOTHNESS * scale
-    tried = scale * np.geomspace(STRONGEST, WEAKEST, CHOICES)
+        return DEFAULT_SMOOTHNESS
+    tried = np.geomspace(STRONGEST, WEAKEST, CHOICES)
     total = np.zeros(CHOICES)
     for part in judges:
         errors = np.stack([part.leave_one_out(weight) for weight in tried])
         total += np.nansum(np.abs(errors) ** 2, axis=1)
-    limit = total.min() * (1.0 if closest else 1.0 + MARGIN)
-    return float(tried[int(np.argmax(total <= limit))])
+    chosen = int(np.argmin(total))
+    limit = total[chosen] * (1.0 + MARGIN)
+    # Step by step, not over a hump to the constants.
+    while not closest and chosen > 0 and total[chosen - 1] <= limit:
+        chosen -= 1
+    return float(tried[chosen])
 
 
 def _outlier(
