@@ -370,6 +370,66 @@ def test_friction_of_elements_and_of_nodes(island):
         solve(island, given, friction=-1.0)
 
 
+def test_friction_of_every_constituent(island):
+    nodes = island.open_nodes
+    given = TideForcing(
+        ("M2", "K1"), np.array([OMEGA, 7.29e-5]), nodes, np.ones((2, len(nodes)))
+    )
+    tau = np.stack([np.full(len(island.points), t) for t in (3e-4, 9e-4)])
+    tide = solve(island, given, friction=tau)
+    for k in range(2):
+        alone = solve(island, given, TideSettings(friction=tau[k, 0]))
+        assert_allclose(tide.elevation[k], alone.elevation[k], rtol=1e-12)
+        assert_allclose(tide.velocity[k], alone.velocity[k], rtol=1e-12)
+    assert_allclose(tide.friction, tau)
+    balance = energy_balance(island, tide, nodes)
+    assert_allclose(balance.inflow, balance.dissipation, rtol=1e-10)
+    with pytest.raises(ValueError, match="3 rows of friction for 2 constituents"):
+        solve(island, given, friction=np.ones((3, len(island.points))))
+
+
+def test_friction_that_differs_with_the_direction(island):
+    # Turning the mesh and the tensor together leaves the elevation.
+    rng = np.random.default_rng(6)
+    m = len(island.triangles)
+    large, small = rng.uniform(2e-4, 9e-4, m), rng.uniform(1e-5, 1e-4, m)
+    symbols = Symbols.exact(OMEGA)
+    answers = []
+    for angle in (0.0, 0.7):
+        c, s = np.cos(angle), np.sin(angle)
+        mesh = CoastalMesh(
+            island.points @ np.array([[c, s], [-s, c]]),
+            island.triangles,
+            island.depth,
+            island.boundaries,
+        )
+        tensor = np.stack(
+            [
+                c * c * large + s * s * small,
+                c * s * (large - small),
+                s * s * large + c * c * small,
+            ]
+        )
+        equation = WaveEquation(mesh, mesh.open_nodes, friction=tensor, coriolis=9e-5)
+        e = equation.factorise(symbols).elevation(np.ones(len(mesh.open_nodes)))
+        answers.append(e)
+        other = rng.normal(size=len(e)) + 0j
+        by_matrix = equation.matrix(symbols) @ other
+        assert_allclose(equation.apply(symbols, other), by_matrix, rtol=1e-9)
+        # The momentum equation of every triangle.
+        slope = equation.elements.gradient_of(e)
+        u, v = equation.flow(symbols, slope)
+        drag = equation.resistance(np.stack([u, v]))
+        assert_allclose(1j * OMEGA * u - 9e-5 * v + drag[0], -G * slope[0], rtol=1e-9)
+        assert_allclose(1j * OMEGA * v + 9e-5 * u + drag[1], -G * slope[1], rtol=1e-9)
+    assert_allclose(answers[0], answers[1], rtol=1e-9)
+    plain = WaveEquation(island, island.open_nodes, friction=large, coriolis=9e-5)
+    same = plain.with_friction(np.stack([large, 0.0 * large, large]))
+    assert_allclose(
+        same.matrix(symbols).toarray(), plain.matrix(symbols).toarray(), atol=1e-9
+    )
+
+
 # --- place on the earth -----------------------------------------------------------
 
 

@@ -10,6 +10,7 @@ from tidemesh.tides import Symbols, TideSettings, WaveEquation, solve
 from tidemesh.tides.frequency_domain.elements import Elements
 from tidemesh.tides.frequency_domain.velocity import (
     lumped_gradient,
+    nodal_response,
     nodal_velocity,
     projected_gradient,
     recovered_gradient,
@@ -117,3 +118,29 @@ def test_sharp_corners_have_no_velocity(mesh):
     assert (np.abs(narrow[corners]).max(axis=1) > 0.0).all()
     rest = np.setdiff1d(np.arange(len(mesh.points)), corners)
     assert_allclose(wide[rest], narrow[rest])
+
+
+def test_response_to_friction_that_differs_with_the_direction(mesh):
+    symbols = Symbols.exact(1.4e-4)
+    equation = WaveEquation(mesh, mesh.open_nodes, friction=5e-4, coriolis=1e-4)
+    n = len(mesh.points)
+    same = np.stack([np.full(n, 5e-4), np.zeros(n), np.full(n, 5e-4)])
+    assert_allclose(
+        nodal_response(equation, symbols, same), nodal_response(equation, symbols)
+    )
+    # The momentum equations off the shore, and along it.
+    xx, xy, yy = 3e-4, 1e-4, 7e-4
+    tensor = np.outer([xx, xy, yy], np.ones(n))
+    response = nodal_response(equation, symbols, tensor)
+    land = next(s for s in mesh.boundaries if s.kind == "mainland").nodes
+    free = np.setdiff1d(np.arange(n), land)
+    system = 1.4e-4j * np.eye(2) + [[xx, xy - 1e-4], [xy + 1e-4, yy]]
+    for node in free[:5]:
+        assert_allclose(system @ response[:, :, node], -9.81 * np.eye(2), atol=1e-9)
+    node = land[3]
+    along = mesh.points[land[4]] - mesh.points[land[2]]
+    along /= np.hypot(*along)
+    drag = 1.4e-4j + along @ [[xx, xy], [xy, yy]] @ along
+    assert_allclose(
+        response[:, :, node], -9.81 / drag * np.outer(along, along), atol=1e-9
+    )

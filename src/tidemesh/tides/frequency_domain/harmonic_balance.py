@@ -27,6 +27,7 @@ from threadpoolctl import threadpool_limits
 from tidemesh.errors import ConvergenceError
 from tidemesh.tides.frequency_domain.energy import EnergyBalance, constituent_energy
 from tidemesh.tides.frequency_domain.nonlinear_terms import (
+    LEAST_WATER,
     NonlinearTerms,
     Places,
     Terms,
@@ -409,10 +410,26 @@ class HarmonicBalance:
             active = active[moved]
             if len(active) == 0:
                 break
+        self._warn_of_low_water(state)
         friction = equation.friction
         if self.drag is not None:
             friction = self._equivalent(before, force, tensor)
         return np.ascontiguousarray(velocity.transpose(0, 2, 1)), friction
+
+    def _warn_of_low_water(self, state: _State) -> None:
+        if not self.equation.settings.finite_amplitude:
+            return
+        lowest = (1.0 - LEAST_WATER) * self.equation.mesh.depth
+        low = int((np.abs(state.elevation).sum(axis=0) > lowest).sum())
+        if low:
+            logger.warning(
+                "at %d of %d nodes the tide may leave less water than %g of the depth "
+                "below mean level, where friction takes that much: wetting and drying "
+                "are not part of this model",
+                low,
+                state.elevation.shape[1],
+                LEAST_WATER,
+            )
 
     def _held(self, tensor: np.ndarray) -> np.ndarray:
         """Mean derivative of the friction, where no water moves not quite zero.
