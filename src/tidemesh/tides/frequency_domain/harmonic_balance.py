@@ -17,12 +17,10 @@ import copy
 import logging
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import msgspec
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from tidemesh.errors import ConvergenceError
 from tidemesh.tides.frequency_domain.energy import EnergyBalance, constituent_energy
@@ -32,6 +30,7 @@ from tidemesh.tides.frequency_domain.nonlinear_terms import (
     Places,
     Terms,
 )
+from tidemesh.tides.frequency_domain.parallel import each
 from tidemesh.tides.frequency_domain.sampling import PhaseLattice
 from tidemesh.tides.frequency_domain.velocity import (
     nodal_gradient,
@@ -513,12 +512,3 @@ def _least(products: np.ndarray) -> np.ndarray:
     normal = normal + 1e-10 * np.diag(normal.diagonal())
     share = np.linalg.solve(normal, np.ones(count))
     return share / share.sum()
-
-
-def each(function: Callable, items: Iterable, threads: int) -> list:
-    """[function(item), ...], several at a time."""
-    if threads <= 1:
-        return [function(item) for item in items]
-    # The linear algebra library's own threads would only get in the way.
-    with threadpool_limits(1, "blas"), ThreadPoolExecutor(threads) as pool:
-        return list(pool.map(function, items))

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tidemesh.tides.frequency_domain.parallel import each
 from tidemesh.tides.frequency_domain.sampling import PhaseLattice
 from tidemesh.tides.settings import TideSettings
 
@@ -96,7 +97,8 @@ class NonlinearTerms:
         flux = np.empty_like(velocity) if finite and transport else None
         advection = None if shear is None else np.empty_like(velocity)
         sample, project = self.lattice.samples, self.lattice.amplitudes
-        for part in self._parts(velocity.shape[-1]):
+
+        def fill(part: slice) -> None:
             u, v = sample(velocity[:, 0, part]), sample(velocity[:, 1, part])
             drag, depth = self.places.drag[part], self.places.depth[part]
             water = depth
@@ -114,6 +116,8 @@ class NonlinearTerms:
                 ux, uy, vx, vy = (sample(shear[:, k, part]) for k in range(4))
                 advection[:, 0, part] = project(u * ux + v * uy)
                 advection[:, 1, part] = project(u * vx + v * vy)
+
+        each(fill, self._parts(velocity.shape[-1]), self.settings.threads)
         if self.linear is not None:
             force[:] = self.linear * velocity
         return Terms(force, advection, flux)
@@ -132,7 +136,8 @@ class NonlinearTerms:
         if self.linear is not None:
             return np.stack([self.linear, np.zeros(n), self.linear])
         tensor = np.empty((3, n))
-        for part in self._parts(n):
+
+        def fill(part: slice) -> None:
             u = self.lattice.samples(velocity[:, 0, part])
             v = self.lattice.samples(velocity[:, 1, part])
             uu, vv = u * u, v * v
@@ -148,6 +153,8 @@ class NonlinearTerms:
             half_peak = 1.5 * (scale * speed).max(axis=0)
             mean = tensor[0, part] + tensor[2, part]
             tensor[:, part] *= np.maximum(half_peak / (mean + _TINY), 1.0)
+
+        each(fill, self._parts(n), self.settings.threads)
         return tensor
 
     @staticmethod

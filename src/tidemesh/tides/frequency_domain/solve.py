@@ -21,8 +21,8 @@ from tidemesh.tides.frequency_domain.harmonic_balance import (
     Drive,
     HarmonicBalance,
     IterationReport,
-    each,
 )
+from tidemesh.tides.frequency_domain.parallel import each
 from tidemesh.tides.frequency_domain.sampling import as_combination, integer_phases
 from tidemesh.tides.frequency_domain.velocity import nodal_velocity
 from tidemesh.tides.frequency_domain.wave_equation import Symbols, WaveEquation
