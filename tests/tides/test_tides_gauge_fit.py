@@ -416,3 +416,14 @@ def test_bad_input_is_refused():
         fit_boundary(MESH, table, LINEAR, first_guess=short)
     with pytest.raises(EngineError, match=r"no open \(ocean\) boundary"):
         fit_boundary(replace(MESH, boundaries=()), table, LINEAR)
+
+
+def test_gauge_that_stands_alone_is_no_outlier():
+    # Left out, the one gauge in the east is predicted badly, and it is right.
+    table = twin(9)
+    kept = np.array([0, 1, 2, 3, 8])
+    table = noisy(gauge_fit._subset(table, kept), 0.003)
+    fit = fit_boundary(MESH, table, LINEAR, outlier=4.0, smoothness=1e-4)
+    errors = np.abs(fit.leave_one_out[0])
+    assert errors[4] > 4.0 * np.median(errors)
+    assert fit.left_out == ()

@@ -54,7 +54,7 @@ DEFAULT_SMOOTHNESS = 1.0e-3
 """Where two gauges or less leave nothing to choose it by."""
 
 LEAST_OUTLIER = 0.05
-"""A gauge whose leave-one-out error is a smaller part of its tide is no outlier."""
+"""A gauge whose studentised residual is a smaller part of its tide is no outlier."""
 
 FEWEST_TO_JUDGE = 5
 """Gauges that it takes to call one of them an outlier."""
@@ -159,9 +159,9 @@ def fit_boundary(
     minimum_gauges : int
         Fewest gauges for any constituent.
     outlier : float, optional
-        Gauges are left out, the worst first, whose leave-one-out error is more than so
-        many times the median (2.5, for instance): in creeks and rivers that the mesh
-        does not hold, as long as most gauges are on open water. None keeps all.
+        Gauges are left out, the worst first, whose studentised residual is more than so
+        many times the median (3, for instance): in creeks and rivers that the mesh does
+        not hold, as long as most gauges are on open water. None keeps all.
     friction : float, (n_points,) or (n_triangles,) array, optional
         Linear friction coefficient (1/s), instead of the settings' one value.
     drag : float or (n_points,) array, optional
@@ -226,8 +226,8 @@ def fit_boundary(
             rest -= np.einsum("cgo,co->cg", effect, forcing.elevation)
         while step == 0 and outlier is not None:
             parts = _constituents(effect, gauges.elevation - rest, first, roughness)
-            weight = _chosen_smoothness(parts, closest=True)
-            errors = np.stack([part.leave_one_out(weight) for part in parts])
+            weight = _chosen_smoothness(parts)
+            errors = np.stack([part.studentised(weight) for part in parts])
             worst = _outlier(errors, gauges.elevation, outlier, minimum_gauges)
             if worst is None:
                 break
@@ -374,6 +374,17 @@ class _Constituent:
             errors[self.known] = self._vectors @ (self._score * damped) / share
         return errors
 
+    def studentised(self, smoothness: float) -> np.ndarray:
+        """(n_g,) residuals, each scaled to what it would be without leverage.
+
+        A gauge that nothing else predicts has a large error when it is left out, and is
+        no outlier for that.
+        """
+        free = np.full(len(self.known), np.nan)
+        damped = smoothness / (self._values + smoothness)
+        free[self.known] = (np.abs(self._vectors) ** 2) @ damped
+        return self.leave_one_out(smoothness) * np.sqrt(free)
+
     def boundary(self, smoothness: float) -> np.ndarray:
         """(n_ocean,) boundary values."""
         pull = self._vectors @ (self._score / (self._values + smoothness))
@@ -411,12 +422,11 @@ def _constituents(
     return [_Constituent(*row, roughness) for row in zip(effect, observed, first)]
 
 
-def _chosen_smoothness(parts: list[_Constituent], *, closest: bool = False) -> float:
+def _chosen_smoothness(parts: list[_Constituent]) -> float:
     """The smoothness of the least leave-one-out errors.
 
     Constituents differ in size, hardly in shape, and a dozen gauges say little: so all
-    are judged together. `closest` takes the least itself, otherwise the largest
-    smoothness within the `MARGIN`.
+    are judged together. The largest smoothness within the `MARGIN` is taken.
     """
     judges = [part for part in parts if part.known.sum() > 2]
     if not judges:
@@ -429,7 +439,7 @@ def _chosen_smoothness(parts: list[_Constituent], *, closest: bool = False) -> f
     chosen = int(np.argmin(total))
     limit = total[chosen] * (1.0 + MARGIN)
     # Step by step, not over a hump to the constants.
-    while not closest and chosen > 0 and total[chosen - 1] <= limit:
+    while chosen > 0 and total[chosen - 1] <= limit:
         chosen -= 1
     return float(tried[chosen])
 
