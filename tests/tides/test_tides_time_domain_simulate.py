@@ -183,7 +183,8 @@ def test_records_maxima_and_volume(mesh):
     # In at flood, out at ebb, about the water at rest.
     rest = run.volume[0]
     assert run.volume.min() < rest < run.volume.max()
-    assert run.films == 0
+    assert not run.films.any()
+    assert run.film_volume == 0.0
 
 
 def test_files_open_in_xarray(mesh, tmp_path):

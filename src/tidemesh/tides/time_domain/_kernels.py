@@ -35,8 +35,9 @@ BLOCK = 512
     TAU,  # friction, 1/s
     HEAD,  # elevation less equilibrium tide, m
     TIDE,  # equilibrium tide, m
-) = range(15)
-FIELDS = 15
+    FILMS,  # number of steps that ended at the minimum water column
+) = range(16)
+FIELDS = 16
 
 (
     DEPTH,  # m
@@ -164,8 +165,8 @@ def elevation_pass(
 ):
     """New elevations at the nodes, and what the triangles leave for the momentum.
 
-    ``tally``: first node beyond the limit (-1 for none), films, and the sum of their
-    rises over INVERSE.
+    ``tally``: first node beyond the limit (-1 for none), and the sum over all films of
+    the rise that makes them, over INVERSE.
     """
     for k in range(last - first):
         i = U32(first + k)
@@ -183,8 +184,8 @@ def elevation_pass(
         level = state[LEVEL, i] + rise
         if level < constants[LOWEST, i]:
             short = constants[LOWEST, i] - level
-            tally[1] += 1.0
-            tally[2] += short / constants[INVERSE, i]
+            state[FILMS, i] += 1.0
+            tally[1] += short / constants[INVERSE, i]
             level += short
             rise += short
         if not abs(level) <= limit and tally[0] < 0.0:
@@ -309,6 +310,7 @@ def advance(
     ocean,
     ocean_real,
     ocean_imaginary,
+    ocean_lowest,
     tide_real,
     tide_imaginary,
     frequency,
@@ -327,7 +329,7 @@ def advance(
         Of the forcing: rad/s, rad, nodal factor.
     ramp : float
         s; 0 for none.
-    tally : (n_blocks, 3) array
+    tally : (n_blocks, 2) array
         See `elevation_pass`.
     """
     n_triangles, n_points = corners.shape[0], state.shape[1]
@@ -383,7 +385,9 @@ def advance(
             for c in range(len(frequency)):
                 level += ocean_real[c, k] * cosine[c]
                 level -= ocean_imaginary[c, k] * sine[c]
-            level = max(level, constants[LOWEST, i])
+            if level < ocean_lowest[k]:
+                level = ocean_lowest[k]
+                state[FILMS, i] += 1.0
             state[LEVEL, i] = level
             state[RISE, i] = level - before[k]
         if tide:

@@ -74,8 +74,8 @@ class SimulationResult:
     """Number of steps of the whole run."""
     advice: StepAdvice
     """The longest stable step."""
-    films: int
-    """How often a node was held at the minimum water column."""
+    films: np.ndarray
+    """(n_points,) number of steps in which a node was held at the minimum column."""
     film_volume: float
     """m3 of water that this added."""
 
@@ -263,15 +263,19 @@ class _Run:
             except KeyboardInterrupt:
                 self.save()
                 raise
-        films, volume = stepper.films
-        if films:
+        films = stepper.films
+        if films.any():
+            worst = int(films.argmax())
             _log.warning(
-                "the water column was held at the minimum of %g m %d times, which "
-                "added %.4g m3 of water: without wetting and drying the mesh is too "
-                "shallow for this tide there",
+                "%d nodes were held at the minimum water column of %g m, most often "
+                "node %d, %s: %.2f %% of the run; this added %.4g m3 of water. Without "
+                "wetting and drying the mesh is too shallow there for this tide",
+                np.count_nonzero(films),
                 self.settings.minimum_column_m,
-                films,
-                volume,
+                worst,
+                at(self.mesh, worst),
+                100.0 * films[worst] / self.steps,
+                stepper.film_volume,
             )
 
     def result(self) -> SimulationResult:
@@ -279,7 +283,6 @@ class _Run:
         records = self._records()
         if self.folder is not None and records:
             write_stations(self.folder / STATIONS, records)
-        films, volume = self.stepper.films
         return SimulationResult(
             records=records,
             constants=self._constants(),
@@ -290,8 +293,8 @@ class _Run:
             step_s=self.stepper.step,
             steps=self.steps,
             advice=self.advice,
-            films=films,
-            film_volume=volume,
+            films=self.stepper.films,
+            film_volume=self.stepper.film_volume,
         )
 
     def close(self) -> None:

@@ -83,11 +83,14 @@ class Stepper:
             settings, step, minimum_column, friction=friction, drag=drag
         )
         self.state = np.zeros((kernels.FIELDS, n))
-        self.tally = np.zeros((-(-n // kernels.BLOCK), 3))
+        self.tally = np.zeros((-(-n // kernels.BLOCK), 2))
         self.tally[:, 0] = -1.0
         self._share = np.zeros((len(mesh.triangles), 11 if viscosity > 0.0 else 5))
         self._weights = grid.gradient * (-0.5 * settings.gravity * step)
         self._ocean = grid.place[forcing.nodes].astype(np.uint32)
+        # What the wave equation says at these nodes is not used.
+        self._ocean_lowest = self.constants[kernels.LOWEST, self._ocean]
+        self.constants[kernels.LOWEST, self._ocean] = -np.inf
         self._elevation = (forcing.elevation.real.copy(), forcing.elevation.imag.copy())
         potential = np.empty((0, n), dtype=complex)
         if forcing.potential is not None:
@@ -156,6 +159,7 @@ class Stepper:
             self._share,
             self._ocean,
             *self._elevation,
+            self._ocean_lowest,
             *self._potential,
             self._frequency,
             self._argument,
@@ -192,11 +196,16 @@ class Stepper:
         return math.fsum(self.discretisation.mass * column)
 
     @property
-    def films(self) -> tuple[int, float]:
-        """Falls to the minimum column so far, and the volume (m3) that this added."""
+    def films(self) -> np.ndarray:
+        """(n_points,) number of steps in which a node was held at the least column."""
+        return self.state[kernels.FILMS][self.discretisation.place].astype(np.int64)
+
+    @property
+    def film_volume(self) -> float:
+        """Water that holding nodes at the least column has added (m3)."""
         tau0 = weight_of_wave_equation(self.settings)
         weight = self.step / (1.0 / self.step + 0.5 * tau0)
-        return int(self.tally[:, 1].sum()), float(self.tally[:, 2].sum() * weight)
+        return float(self.tally[:, 1].sum() * weight)
 
     def _follow(self) -> None:
         """What follows from elevation and velocity, as the last step leaves it."""
