@@ -350,7 +350,7 @@ def _largest(
     if not finite.all() and not (manifest["wetting"] and finite.any()):
         node = int(np.argwhere(~finite)[0][1])
         raise EngineError(
-            f"{path}: node {node} and {int((~finite).any(axis=0).sum()) - 1} others "
+            f"{path}: node {node + 1} and {int((~finite).any(axis=0).sum()) - 1} others "
             "have no finite value, although ADCIRC ended normally: the run blew up; "
             "take a shorter adcirc.time_step_s. The run directory is kept"
         )
@@ -358,7 +358,7 @@ def _largest(
     if largest > limit:
         where = np.unravel_index(int(np.nanargmax(size)), size.shape)
         raise EngineError(
-            f"{path}: {manifest['constituents'][where[0]]} at node {where[1]} is "
+            f"{path}: {manifest['constituents'][where[0]]} at node {where[1] + 1} is "
             f"{largest:.3g} {unit}, although ADCIRC ended normally: the run blew up; "
             "take a shorter adcirc.time_step_s. The run directory is kept"
         )
