@@ -300,6 +300,17 @@ def test_a_run_taken_up_again_ends_the_same(mesh, tmp_path, law):
     )
     for ours, theirs in zip(outcome(resumed, parts), expected, strict=True):
         np.testing.assert_array_equal(ours, theirs)
+    (parts / "fields.nc").unlink()
+    with pytest.raises(InputError, match=r"fields\.nc: is not there"):
+        simulate(
+            mesh,
+            forcing,
+            physics,
+            settings,
+            stations=stations,
+            folder=parts,
+            restart=parts / "restart.npz",
+        )
 
 
 def test_a_restart_file_of_another_run_is_refused(mesh, tmp_path):

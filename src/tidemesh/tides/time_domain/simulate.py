@@ -351,11 +351,17 @@ class _Run:
                 f"{path}: stands at day {steps * self.stepper.step / DAY:g}, after the "
                 f"end of the run (days = {self.settings.days:g})"
             )
+        fields = int(saved["fields"])
+        if fields and self.folder is not None and not (self.folder / FIELDS).is_file():
+            raise InputError(
+                f"{self.folder / FIELDS}: is not there, but the restart file goes on "
+                f"after {fields} times in it; bring it back, or start anew"
+            )
         self.stepper.steps = steps
         self.stepper.state[...] = saved["state"]
         self.stepper.constants[...] = saved["constants"]
         self.stepper.tally[...] = saved["tally"]
-        self.friction_sum, self.fields = saved["friction_sum"], int(saved["fields"])
+        self.friction_sum, self.fields = saved["friction_sum"], fields
         self.highest, self.fastest = saved["highest"], saved["fastest"]
         self.times, self.volumes = list(saved["times"]), list(saved["volumes"])
         self.levels = list(saved["levels"])
