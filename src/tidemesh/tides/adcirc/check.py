@@ -348,11 +348,11 @@ def _largest(
     finite = np.isfinite(size)
     # With wetting, nodes that were dry throughout have no value.
     if not finite.all() and not (manifest["wetting"] and finite.any()):
-        node = int(np.argwhere(~finite)[0][1])
+        node = int(np.argwhere(~finite)[0][1]) + 1
         raise EngineError(
-            f"{path}: node {node + 1} and {int((~finite).any(axis=0).sum()) - 1} others "
-            "have no finite value, although ADCIRC ended normally: the run blew up; "
-            "take a shorter adcirc.time_step_s. The run directory is kept"
+            f"{path}: node {node} and others have no finite value, although ADCIRC "
+            "ended normally: the run blew up; take a shorter adcirc.time_step_s. The "
+            "run directory is kept"
         )
     largest = float(np.nanmax(size))
     if largest > limit:
