@@ -42,6 +42,12 @@ class GaugeFitSettings(msgspec.Struct, **_STRICT):
     smoothness: Annotated[float, msgspec.Meta(gt=0.0)] | None = None
     """Weight of the smoothness of the boundary values; left out: the weight with the
     least leave-one-out error."""
+    max_distance_km: Annotated[float, msgspec.Meta(gt=0.0)] = 3.0
+    """Farthest that a gauge may lie outside the mesh; farther ones are left out."""
+    outlier: Annotated[float, msgspec.Meta(gt=1.0)] | None = None
+    """Leave out gauges, the worst first, whose leave-one-out error is more than so many
+    times the median (gauges in creeks that the mesh does not hold); left out: keep
+    all."""
 
 
 class ForcingSettings(msgspec.Struct, **_STRICT):

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from tidemesh import verification
 from tidemesh.datatypes import CoastalMesh, TideSolution, TideTable
 from tidemesh.triangulation import locate, quality
 
@@ -65,38 +66,21 @@ def _relative_l2(ours: np.ndarray, reference: np.ndarray, weight: np.ndarray) ->
 
 
 def compare_with_gauges(
-    mesh: CoastalMesh,
-    tide: TideSolution,
-    table: TideTable,
-    *,
-    farthest_m: float = 3000.0,
-) -> list[dict[str, Any]]:
-    """Modelled and observed constants at the gauges that lie in or near the mesh."""
-    places = mesh.projection.forward(table.longitude_deg, table.latitude_deg)
-    locator = locate.Locator(mesh.points, mesh.triangles)
-    _, _, distance = locator.nearest(places)
-    model = locator.interpolate(tide.elevation, places)
-    rows = []
-    for c, name in enumerate(tide.names):
-        if name not in table.names:
-            continue
-        observed = table.elevation[table.names.index(name)]
-        for g in np.flatnonzero((distance <= farthest_m) & np.isfinite(observed)):
-            rows.append(
-                {
-                    "gauge": table.stations[g] if table.stations else str(g),
-                    "constituent": name,
-                    "longitude_deg": float(table.longitude_deg[g]),
-                    "latitude_deg": float(table.latitude_deg[g]),
-                    "observed_m": float(abs(observed[g])),
-                    "modelled_m": float(abs(model[c, g])),
-                    "observed_phase_deg": _phase(observed[g]),
-                    "modelled_phase_deg": _phase(model[c, g]),
-                    "complex_error_m": float(abs(model[c, g] - observed[g])),
-                }
-            )
-    return rows
+    mesh: CoastalMesh, tide: TideSolution, table: TideTable
+) -> dict[str, Any]:
+    """Modelled and observed constants at the gauges that lie in or near the mesh.
 
-
-def _phase(value: complex) -> float:
-    return float(-np.angle(value, deg=True) % 360.0)
+    Returns
+    -------
+    report : dict
+        As `ConstantsComparison.as_dict`; empty if there is nothing to compare.
+    """
+    served = verification.constants_at_gauges(mesh, tide, table)
+    if len(served.table.longitude_deg) == 0:
+        return {}
+    names = [name for name in tide.names if name in table.names]
+    if not names:
+        return {}
+    return verification.compare_constants(
+        served.table, table, names=names, distance_m=served.distance_m
+    ).as_dict()

@@ -118,19 +118,22 @@ def _fit_to_gauges(
         read_tide_table(files["forcing.from_gauges.table"]),
         settings,
         smoothness=forcing.from_gauges.smoothness,
+        max_distance_m=1e3 * forcing.from_gauges.max_distance_km,
+        outlier=forcing.from_gauges.outlier,
         first_guess=first,
         complete=complete,
         progress=progress,
         **known,
     )
-    return complete(fit.forcing), {"boundary_fit": _fit_report(fit)}
+    return fit.forcing, {"boundary_fit": _fit_report(fit)}
 
 
 def _fit_report(fit: tides.BoundaryFit) -> dict[str, Any]:
     """Errors of every gauge, fitted and predicted by the others."""
 
-    def rms(values: np.ndarray) -> float:
-        return float(np.sqrt(0.5 * np.nanmean(np.abs(values) ** 2)))
+    def rms(values: np.ndarray) -> float | None:
+        known = np.abs(values[np.isfinite(values)]) ** 2
+        return float(np.sqrt(0.5 * known.mean())) if len(known) else None
 
     stations = fit.gauges.stations or [""] * len(fit.gauges.longitude_deg)
     report: dict[str, Any] = {
@@ -141,6 +144,7 @@ def _fit_report(fit: tides.BoundaryFit) -> dict[str, Any]:
             "smoothness": float(fit.smoothness[c]),
             "rms_residual_m": rms(fit.residual[c]),
             "rms_leave_one_out_m": rms(fit.leave_one_out[c]),
+            "largest_standard_error_m": float(fit.standard_error[c].max()),
             "gauges": [
                 {
                     "gauge": stations[g],

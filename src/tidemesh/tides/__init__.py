@@ -15,6 +15,7 @@ from tidemesh.tides.frequency_domain import (
     solve,
     solve_with_report,
 )
+from tidemesh.tides.frequency_domain.direct import available_solvers
 from tidemesh.tides.gauge_fit import BoundaryFit, fit_boundary
 from tidemesh.tides.potential import equilibrium_tide, with_potential
 from tidemesh.tides.settings import TideSettings
@@ -31,6 +32,7 @@ __all__ = [
     "TideSettings",
     "WaveEquation",
     "atlas_forcing",
+    "available_solvers",
     "boundary_forcing",
     "complete_solution",
     "energy_balance",

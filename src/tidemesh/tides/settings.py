@@ -79,7 +79,8 @@ class TideSettings(
     equation exactly as ADCIRC discretises it (the same where tau0 = tau and f = 0)."""
 
     tau0: NonNegative | None = None
-    """Weight of ADCIRC's wave equation, 1/s; left out: the linear friction."""
+    """Weight of ADCIRC's wave equation, 1/s; left out: the friction where that is one
+    number, else ``friction``."""
 
     time_step_s: NonNegative = 0.0
     """Step of a time-stepping model whose answer is to be reproduced, with its errors
@@ -101,13 +102,14 @@ class TideSettings(
 
     metric: Literal["plane", "sphere", "geographic", "adcirc"] = "plane"
     """Trust the lengths of the projected plane; correct them by the scale of the map
-    (for domains so wide that the scale varies); measure every triangle on the sphere by
-    the longitudes and latitudes of its corners (oceans, poles, the globe); or as
+    (for domains so wide that the scale varies); measure every triangle in space by
+    the longitudes and latitudes of its corners (oceans, poles, the globe; on the
+    ellipsoid or sphere of the mesh's map); or as
     ADCIRC's spherical runs (ICS = 2) do."""
 
-    solver: Literal["superlu", "pardiso", "mumps"] = "superlu"
-    """Sparse factorisation: the one that is always there, or that of an installed
-    library (Intel MKL's PARDISO, MUMPS)."""
+    solver: Literal["superlu", "pardiso"] = "superlu"
+    """Sparse factorisation: the one that is always there, or that of Intel's MKL where
+    it is installed (``pip install "tidemesh[fast]"``)."""
 
     threads: Annotated[int, msgspec.Meta(ge=1, le=256)] = 1
     """Constituents that are solved at the same time; each needs memory of its own."""
