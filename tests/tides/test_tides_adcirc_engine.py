@@ -4,10 +4,10 @@ import gzip
 import json
 import math
 import os
+import shutil
 import signal
 import subprocess
 import sys
-import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -240,21 +240,21 @@ def test_results_of_other_constituents_are_refused(engine, mesh, forcing):
 
 
 def test_a_run_that_does_not_end_is_stopped(engine, mesh, forcing):
-    adcirc, fractions = engine("hangs", timeout_s=1.0), []
+    adcirc, fractions = engine("hangs", timeout_s=2.0), []
     begin = time.monotonic()
-    with pytest.raises(EngineError, match=r"stopped after adcirc\.timeout_s = 1 s"):
+    with pytest.raises(EngineError, match=r"stopped after adcirc\.timeout_s = 2 s"):
         adcirc.solve(mesh, forcing, progress=fractions.append)
-    assert time.monotonic() - begin < 10.0
+    assert time.monotonic() - begin < 20.0
     assert fractions
     assert _processes_of(adcirc.settings.adcirc) == []
 
 
 def test_control_c_ends_the_program_and_keeps_the_directory(engine, mesh, forcing):
     adcirc = engine("hangs")
-    killer = threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT))
-    killer.start()
     with pytest.raises(KeyboardInterrupt):
-        adcirc.solve(mesh, forcing)
+        adcirc.solve(
+            mesh, forcing, progress=lambda _: os.kill(os.getpid(), signal.SIGINT)
+        )
     assert _processes_of(adcirc.settings.adcirc) == []
     assert (adcirc.folder / "fort.14").exists()
 
@@ -875,3 +875,22 @@ def test_reads_a_reference_run(tmp_path, program):
     np.testing.assert_array_equal(tide.velocity[0], case.velocity)
     manifest = json.loads((adcirc.folder / "tidemesh_run.json").read_text())
     assert manifest["nodes"] == 63
+
+
+@pytest.mark.external
+@pytest.mark.skipif(shutil.which("adcirc") is None, reason="there is no ADCIRC here")
+@pytest.mark.parametrize("physics", ["linear", "nonlinear"])
+def test_adcirc_itself_agrees(tmp_path, mesh, forcing, physics):
+    more, bounds = {}, (1e-5, 1e-5)
+    if physics == "nonlinear":
+        # On so coarse a mesh the two discretisations differ by some percent.
+        more = {"friction_law": "manning", "finite_amplitude": True, "advection": True}
+        bounds = (0.1, 0.15)
+    tide = replace_tide(**more)
+    settings = AdcircSettings(ramp_days=0.5)
+    adcirc = Adcirc(settings, tide, tmp_path / "run")
+    there = adcirc.solve(mesh, forcing)
+    here = solve(mesh, forcing, tide)
+    assert relative(there.elevation, here.elevation) < bounds[0]
+    assert relative(there.velocity, here.velocity) < bounds[1]
+    assert adcirc.report()["warnings"] == []

@@ -92,7 +92,6 @@ class Adcirc:
         for warning in results.warnings:
             logger.warning("%s: ADCIRC warns: %s", run.path, warning)
         self._report = {
-            "folder": str(run.path),
             "version": results.version,
             "plan": list(inputs.plan.notes),
             "warnings": list(results.warnings),
