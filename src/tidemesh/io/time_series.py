@@ -70,14 +70,16 @@ def write_stations(
                 "source": f"tidemesh {__version__}",
             }
         )
-        names = np.array([record.station for record in records], dtype=bytes)
+        names = np.array([record.station.encode() for record in records])
         width = max(names.dtype.itemsize, 1)
         file.createDimension("station", len(records))
         file.createDimension("time", len(time))
         file.createDimension("name_length", width)
         name = file.createVariable("station_name", "S1", ("station", "name_length"))
         name.setncatts({"long_name": "station name", "cf_role": "timeseries_id"})
-        name[...] = netCDF4.stringtochar(names.astype(f"S{width}"))
+        name._Encoding = "utf-8"
+        name.set_auto_chartostring(False)
+        name[...] = names.astype(f"S{width}").view("S1").reshape(-1, width)
         for word, direction in (("longitude", "east"), ("latitude", "north")):
             place = file.createVariable(word, "f8", ("station",))
             place.setncatts(
@@ -123,17 +125,18 @@ def read_stations(path: str | Path) -> tuple[TideRecord, ...]:
     try:
         with netCDF4.Dataset(path) as file:
             file.set_auto_mask(False)
-            names = netCDF4.chartostring(file["station_name"][:])
+            file.set_auto_chartostring(False)
+            names = [row.tobytes() for row in file["station_name"][:]]
             return tuple(
                 TideRecord(
                     time=file["time"][:],
                     elevation=level,
-                    station=str(name).strip("\x00 "),
+                    station=name.rstrip(b"\x00").decode(),
                     longitude_deg=float(longitude),
                     latitude_deg=float(latitude),
                 )
                 for name, longitude, latitude, level in zip(
-                    np.atleast_1d(names),
+                    names,
                     file["longitude"][:],
                     file["latitude"][:],
                     file["water_level"][:],
