@@ -125,4 +125,5 @@ class AdcircSettings(
     failed."""
 
     extra_lines: tuple[str, ...] = ()
-    """Lines for the end of fort.15, for instance further namelists."""
+    """Lines for the end of fort.15, for instance further namelists (WarnElevControl is
+    there already, and ADCIRC takes the first of two)."""
