@@ -383,11 +383,13 @@ def _named_files(case: Case) -> Iterator[tuple[str, str]]:
         yield "domain.ocean.file", ocean_file
     for index, source in enumerate(case.depth.sources):
         yield f"depth.sources[{index}].path", source.path
-    yield from tide_files(case.forcing, case.tide)
+    yield from tide_files(case.forcing, case.tide, case.adcirc)
 
 
 def tide_files(
-    forcing: ForcingSettings, tide: TideSettings
+    forcing: ForcingSettings,
+    tide: TideSettings,
+    adcirc: AdcircSettings | None = None,
 ) -> Iterator[tuple[str, str]]:
     """Files by key that the tide of a case reads."""
     if forcing.table:
@@ -400,3 +402,5 @@ def tide_files(
         yield "forcing.gauges", forcing.gauges
     if tide.friction_file:
         yield "tide.friction_file", tide.friction_file
+    if adcirc is not None and adcirc.batch_template and tide.engine == "adcirc":
+        yield "adcirc.batch_template", adcirc.batch_template

@@ -29,7 +29,7 @@ from tidemesh.pipeline.case import (
 from tidemesh.pipeline.info import on_a_conformal_map, read_mesh
 from tidemesh.pipeline.run import check_tide_inputs
 from tidemesh.pipeline.runner import strict
-from tidemesh.pipeline.tide import make_forcing, solve_tide, tide_fields
+from tidemesh.pipeline.tide import make_forcing, placed, solve_tide, tide_fields
 from tidemesh.tides.adcirc.settings import AdcircSettings
 from tidemesh.tides.settings import TideSettings
 from tidemesh.triangulation import topology
@@ -204,7 +204,7 @@ def _solve_case(
 ) -> tuple[CoastalMesh, TideSolution, dict[str, Any]]:
     settings = read_tide_case(case, overrides)
     forcing, folder = forcing_of_case(settings.forcing, case, table)
-    files = find_files(tide_files(forcing, settings.tide), folder)
+    files = find_files(tide_files(forcing, settings.tide, settings.adcirc), folder)
     check_tide_inputs(settings.tide, files)
     # ADCIRC's map of degrees stretches; the plane of the equations must not.
     if settings.tide.metric in ("plane", "sphere"):
@@ -214,7 +214,7 @@ def _solve_case(
         mesh,
         driven,
         settings.tide,
-        adcirc=settings.adcirc,
+        adcirc=placed(settings.adcirc, files),
         folder=output / "adcirc",
         friction_file=files.get("tide.friction_file"),
         progress=progress,

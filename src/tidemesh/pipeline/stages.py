@@ -30,6 +30,7 @@ from tidemesh.pipeline.runner import Context, Stage
 from tidemesh.pipeline.tide import (
     boundary_of,
     make_forcing,
+    placed,
     solve_tide,
     tide_fields,
 )
@@ -149,7 +150,7 @@ def _solve(
         mesh,
         forcing,
         case.tide,
-        adcirc=case.adcirc,
+        adcirc=placed(case.adcirc, files),
         folder=context.output / "adcirc" / name,
         friction_file=files.get("tide.friction_file"),
         progress=context.progress,
@@ -468,6 +469,7 @@ _TIDE_FILES = (
     "forcing.atlas",
     "forcing.from_gauges",
     "tide.friction_file",
+    "adcirc.batch_template",
 )
 
 STAGES = (

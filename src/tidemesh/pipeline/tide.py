@@ -232,7 +232,8 @@ def bottom_coefficient(
     Returns
     -------
     keyword : dict
-        "friction" (1/s) or "drag" (C_f) for `tides.solve`; empty without a raster.
+        "friction" (1/s) or "drag" (C_f, or Manning's n) for `tides.solve`; empty
+        without a raster.
 
     Raises
     ------
@@ -259,10 +260,17 @@ def bottom_coefficient(
         )
     if settings.friction_law == "linear":
         return {"friction": values}
-    if settings.friction_law == "manning":
-        depth = np.maximum(mesh.depth, np.finfo(float).tiny)
-        values = settings.gravity * values**2 / np.cbrt(depth)
     return {"drag": values}
+
+
+def placed(
+    adcirc: tides.AdcircSettings, files: Mapping[str, Path]
+) -> tides.AdcircSettings:
+    """The settings with the path of the job script where the case file puts it."""
+    if "adcirc.batch_template" not in files:
+        return adcirc
+    path = str(files["adcirc.batch_template"])
+    return msgspec.structs.replace(adcirc, batch_template=path)
 
 
 def solve_tide(
