@@ -80,9 +80,9 @@ def triangles_pass(
 
     ``geometry`` rows: x derivatives of basis functions 2 and 3, their y derivatives,
     area, g times the mean depth, weight in the means at nodes, part of the advection
-    that counts. ``share`` columns: what
-    the three corners get in the wave equation (m3/s2), weight times advection along x
-    and y (m3/s2), and with viscosity what the corners get along x, and along y.
+    that counts. ``share`` columns: what the three corners get in the wave equation
+    (m3/s2), weight times advection along x and y (m3/s2), and with viscosity what the
+    corners get along x, and along y.
     """
     half = 0.5 * gravity * finite
     rate = 1.0 / (3.0 * step)
@@ -132,14 +132,10 @@ def triangles_pass(
             ux, uy = bx * ub + cx * uc, by * ub + cy * uc
             vx, vy = bx * vb + cx * vc, by * vb + cy * vc
             stress = 3.0 * viscosity * weight
-            share[t, 6], share[t, 7] = (
-                stress * (bx * ux + by * uy),
-                stress * (cx * ux + cy * uy),
-            )
-            share[t, 9], share[t, 10] = (
-                stress * (bx * vx + by * vy),
-                stress * (cx * vx + cy * vy),
-            )
+            share[t, 6] = stress * (bx * ux + by * uy)
+            share[t, 7] = stress * (cx * ux + cy * uy)
+            share[t, 9] = stress * (bx * vx + by * vy)
+            share[t, 10] = stress * (cx * vx + cy * vy)
             share[t, 5] = -(share[t, 6] + share[t, 7])
             share[t, 8] = -(share[t, 9] + share[t, 10])
         fx *= area
@@ -228,11 +224,8 @@ def momentum_pass(first, last, state, constants, step, tau0, finite):
     """
     cap = 2.0 / step
     us, vs, taus = state[U][first:last], state[V][first:last], state[TAU][first:last]
-    xs, ys, levels = (
-        state[AX][first:last],
-        state[AY][first:last],
-        state[LEVEL][first:last],
-    )
+    xs, ys = state[AX][first:last], state[AY][first:last]
+    levels = state[LEVEL][first:last]
     qxs, qys = state[QX][first:last], state[QY][first:last]
     sxs, sys = state[SX][first:last], state[SY][first:last]
     depth, friction = constants[DEPTH][first:last], constants[FRICTION][first:last]

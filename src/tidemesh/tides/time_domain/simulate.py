@@ -247,6 +247,13 @@ class _Run:
     def go(self, progress: Callable[[float], None] | None) -> None:
         """Step to the end, with samples, stations, fields and restarts on the way."""
         stepper = self.stepper
+        _log.info(
+            "%d steps of %g s; the longest stable step is %.4g s, for %s",
+            self.steps,
+            stepper.step,
+            self.advice.step_s,
+            self.advice.reason,
+        )
         with _held_interrupt() as interrupted:
             try:
                 if stepper.steps == 0:
