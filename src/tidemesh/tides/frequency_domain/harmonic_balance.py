@@ -16,7 +16,7 @@ from __future__ import annotations
 import copy
 import logging
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import msgspec
@@ -99,24 +99,28 @@ class Drive(NamedTuple):
     potential: np.ndarray | None
     """(n_c, n_points) complex m."""
 
-    def only(self, rows: Sequence[int]) -> Drive:
-        """Some of the constituents."""
-        index = list(rows)
+    def only(self, k: int) -> Drive:
+        """One of the constituents, whose phase is then the fundamental one."""
         return Drive(
-            tuple(self.names[k] for k in index),
-            tuple(self.symbols[k] for k in index),
-            self.combination[index],
-            self.boundary[index],
-            None if self.potential is None else self.potential[index],
+            self.names[k : k + 1],
+            self.symbols[k : k + 1],
+            np.ones((1, 1), dtype=np.int64),
+            self.boundary[k : k + 1],
+            None if self.potential is None else self.potential[k : k + 1],
         )
 
     def strength(self) -> np.ndarray:
         """(n_c,) root mean square of what drives each (m)."""
-        square = np.zeros(len(self.names))
-        for part in (self.boundary, self.potential):
-            if part is not None and part.shape[1]:
-                square += (np.abs(part) ** 2).mean(axis=1)
-        return np.sqrt(square)
+        return strength(self.boundary, self.potential)
+
+
+def strength(boundary: np.ndarray, potential: np.ndarray | None) -> np.ndarray:
+    """(n_c,) root mean square of elevations at the boundary and a potential (m)."""
+    square = np.zeros(len(boundary))
+    for part in (boundary, potential):
+        if part is not None and part.shape[1]:
+            square += (np.abs(part) ** 2).mean(axis=1)
+    return np.sqrt(square)
 
 
 class _State(NamedTuple):
@@ -157,6 +161,7 @@ class HarmonicBalance:
         self._waves: dict[int, FactorisedWave] = {}
         self._split = equation
         self._last: tuple[_State, Terms] | None = None
+        self._shown = 0.0
         self.change = np.inf
         self.iterations = 0
 
@@ -234,8 +239,7 @@ class HarmonicBalance:
         equation.settings = msgspec.structs.replace(
             equation.settings, finite_amplitude=False, advection=False
         )
-        drive = self.drive.only([k])._replace(combination=np.ones((1, 1), np.int64))
-        balance = HarmonicBalance(equation, drive, self.drag)
+        balance = HarmonicBalance(equation, self.drive.only(k), self.drag)
         state = balance._start()
         for _ in range(_ROUGH_ITERATIONS):
             balance._renew_split(state)
@@ -347,7 +351,8 @@ class HarmonicBalance:
         """Share of the way, by the change so far."""
         goal = self.equation.settings.tolerance
         way = np.log(max(self.change, goal)) / np.log(min(goal, 0.5))
-        return float(np.clip(0.2 + 0.7 * way, 0.0, 0.95))
+        self._shown = max(self._shown, float(np.clip(0.2 + 0.7 * way, 0.0, 0.95)))
+        return self._shown
 
     # ---- what follows from the answer ------------------------------------------------
 

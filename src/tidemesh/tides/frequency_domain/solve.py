@@ -21,6 +21,7 @@ from tidemesh.tides.frequency_domain.harmonic_balance import (
     Drive,
     HarmonicBalance,
     IterationReport,
+    strength,
 )
 from tidemesh.tides.frequency_domain.parallel import each
 from tidemesh.tides.frequency_domain.sampling import as_combination, integer_phases
@@ -256,7 +257,7 @@ def _solve_nonlinear(
     settings = equation.settings
     if drag is not None or settings.finite_amplitude:
         _check_depth(equation.mesh)
-    weight = _strength(forcing)
+    weight = strength(forcing.elevation, forcing.potential)
     combination = integer_phases(forcing.frequency, weight)
     factor = _acting(forcing, combination)[:, None]
     potential = forcing.potential
@@ -302,14 +303,6 @@ def _acting(forcing: TideForcing, combination: np.ndarray) -> np.ndarray:
             fundamental[column] = forcing.argument[np.flatnonzero(alone)[0]]
         acting *= np.exp(1j * (forcing.argument - combination @ fundamental))
     return acting
-
-
-def _strength(forcing: TideForcing) -> np.ndarray:
-    square = np.zeros(len(forcing.names))
-    for part in (forcing.elevation, forcing.potential):
-        if part is not None and part.shape[1]:
-            square += (np.abs(part) ** 2).mean(axis=1)
-    return np.sqrt(square)
 
 
 def drag_coefficient(
@@ -360,21 +353,21 @@ def with_overtides(forcing: TideForcing, settings: TideSettings) -> TideForcing:
         no combination of what is driven, or nothing would make it.
     """
     _check_names(forcing, settings)
-    strength = _strength(forcing)
+    size = strength(forcing.elevation, forcing.potential)
     known = {name.upper(): k for k, name in enumerate(forcing.names)}
     new = []
     for name in settings.overtides:
         k = known.get(name.upper())
         if k is None:
             new.append(name.upper())
-        elif strength[k] > 0.0:
+        elif size[k] > 0.0:
             raise InputError(
                 f"{name} is among the overtides, and the forcing drives it at the "
                 "ocean boundary or inside: leave it out of one of the two"
             )
     if not new:
         return forcing
-    driven = np.flatnonzero(strength > 0.0)
+    driven = np.flatnonzero(size > 0.0)
     table = np.array(
         [
             _table_frequency(forcing.names[k], forcing.frequency[k])
