@@ -13,7 +13,7 @@ import msgspec
 
 import tidemesh
 from tidemesh.datatypes import CoastalMesh, TideSolution
-from tidemesh.errors import InputError, MeshError
+from tidemesh.errors import ConvergenceError, InputError, MeshError
 from tidemesh.io.files import atomic
 from tidemesh.io.fort53 import write_fort53, write_fort54
 from tidemesh.io.ugrid import write_ugrid
@@ -173,15 +173,30 @@ def _solve_adcirc_case(
     theirs = read_adcirc_case(mesh, fort15, fort13)
     data = {"tide": msgspec.to_builtins(theirs.settings)}
     case = read_tide_case(None, overrides, start=data)
-    tide, report = solve_tide(
-        theirs.mesh,
-        theirs.forcing,
-        case.tide,
-        adcirc=case.adcirc,
-        folder=Path(),
-        progress=progress,
-        **theirs.known,
-    )
+    notes = list(theirs.notes)
+
+    def solved(settings: TideSettings) -> tuple[TideSolution, dict[str, Any]]:
+        return solve_tide(
+            theirs.mesh,
+            theirs.forcing,
+            settings,
+            adcirc=case.adcirc,
+            folder=Path(),
+            progress=progress,
+            **theirs.known,
+        )
+
+    try:
+        tide, report = solved(case.tide)
+    except ConvergenceError:
+        if not case.tide.advection:
+            raise
+        tide, report = solved(msgspec.structs.replace(case.tide, advection=False))
+        notes.append(
+            "advection left out, since its harmonics do not converge in strong jets; "
+            "M2 may be wrong by a tenth behind narrow inlets: `tidemesh simulate` has "
+            "all terms"
+        )
     settings = msgspec.to_builtins(case.tide)
     return (
         theirs.mesh,
@@ -189,7 +204,7 @@ def _solve_adcirc_case(
         {
             "tide": report,
             "settings": settings,
-            "left_out": list(theirs.notes),
+            "left_out": notes,
         },
     )
 
