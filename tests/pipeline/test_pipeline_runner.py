@@ -7,6 +7,7 @@ import pytest
 
 from tidemesh.errors import InputError
 from tidemesh.pipeline.case import input_files, read_case
+from tidemesh.pipeline.run import run_case
 from tidemesh.pipeline.runner import Stage, run_stages
 
 
@@ -123,3 +124,24 @@ def test_infinite_settings_are_strict_json(ran, tmp_path):
 
     manifest = json.loads(text, parse_constant=refuse)
     assert manifest["settings"]["sizing"]["gradation"] == "inf"
+
+
+def test_a_nonlinear_tide_is_resumed(island, tmp_path):
+    """What the stages of a nonlinear case leave is read back by a later run."""
+    overrides = [
+        "tide.friction_law=quadratic",
+        'tide.overtides=["M6"]',
+        "base_grid.spacing_m=4000",
+        "sizing.nodes=400",
+        "output.figures=false",
+    ]
+    first = run_case(island, output=tmp_path / "out", overrides=overrides, until="tide")
+    tide = first.summary["base_tide"]
+    assert tide["iterations"]["converged"]
+    total = sum(tide[n]["energy_inflow_w"] for n in ("M2", "M6"))
+    lost = sum(tide[n]["energy_dissipation_w"] for n in ("M2", "M6"))
+    assert total == pytest.approx(lost, rel=1e-6)
+    assert tide["M6"]["largest_amplitude_m"] > 0.0
+    again = run_case(island, output=tmp_path / "out", overrides=overrides)
+    assert again.resumed == ("domain", "base_grid", "tide")
+    assert again.summary["nodes"] == 400

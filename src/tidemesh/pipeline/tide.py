@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -44,8 +44,8 @@ def make_forcing(
 ) -> tuple[TideForcing, dict[str, Any]]:
     """Elevation at the ocean nodes from the table, the atlas or the gauges of a case.
 
-    Constituents of ``overtides`` follow, with nothing at the ocean boundary; nodal
-    factors and the astronomical potential are added where the settings ask for them.
+    Nodal factors and the astronomical potential are added where the settings ask for
+    them.
 
     Parameters
     ----------
@@ -68,7 +68,6 @@ def make_forcing(
     """
 
     def complete(driven: TideForcing) -> TideForcing:
-        driven = with_overtides(driven, settings.overtides)
         if settings.date is not None:
             latitude = float(mesh.projection.inverse(mesh.points)[:, 1].mean())
             driven = tides.with_astronomy(driven, seconds(settings.date), latitude)
@@ -156,37 +155,6 @@ def _fit_report(fit: tides.BoundaryFit) -> dict[str, Any]:
             ],
         }
     return report
-
-
-def with_overtides(forcing: TideForcing, names: Sequence[str]) -> TideForcing:
-    """Add constituents that have no elevation at the ocean boundary.
-
-    Raises
-    ------
-    InputError
-        If one is driven as well, or its speed is not known.
-    """
-    for name in names:
-        if name in forcing.names:
-            raise InputError(
-                f"tide.overtides: {name} is among tide.constituents as well; an "
-                "overtide has no elevation given at the ocean boundary"
-            )
-        if name not in constants.SPEED_DEG_PER_HOUR:
-            raise InputError(
-                f"tide.overtides: the speed of {name} is not known; known are "
-                + ", ".join(constants.SPEED_DEG_PER_HOUR)
-            )
-    if not names:
-        return forcing
-    more = np.array([constants.frequency(name) for name in names])
-    still = np.zeros((len(names), len(forcing.nodes)))
-    return dataclasses.replace(
-        forcing,
-        names=(*forcing.names, *names),
-        frequency=np.concatenate([forcing.frequency, more]),
-        elevation=np.concatenate([forcing.elevation, still]),
-    )
 
 
 def boundary_of(
@@ -328,9 +296,19 @@ def solve_tide(
         for c, name in enumerate(tide.names):
             report[name]["energy_inflow_w"] = float(balance.inflow[c])
             report[name]["energy_dissipation_w"] = float(balance.dissipation[c])
+            if settings.tidal_potential:
+                report[name]["energy_of_potential_w"] = float(balance.potential[c])
+            if settings.advection or settings.finite_amplitude:
+                report[name]["energy_transfer_w"] = float(balance.transfer[c])
     if iterations is not None and iterations.iterations:
         report["iterations"] = iterations._asdict()
-    return tide, report
+    return _plain(tide), report
+
+
+def _plain(tide: TideSolution) -> TideSolution:
+    """The solution alone, without what an engine keeps beside it."""
+    names = [field.name for field in dataclasses.fields(TideSolution)]
+    return TideSolution(**{name: getattr(tide, name) for name in names})
 
 
 def _amplitudes(tide: TideSolution) -> dict[str, Any]:
