@@ -275,6 +275,11 @@ def estimate(
 @click.option("--observed", type=_MESH, help="Observed water levels (CSV, CO-OPS).")
 @click.option("--modelled", type=_MESH, help="Levels of a simulation at stations.")
 @click.option("--station", help="The one gauge whose levels are compared.")
+@click.option("--stations", help="Names of a fort.61's stations, with commas.")
+@click.option("--cold-start", help="Time 0 of a fort.61, for instance 1998-01-01.")
+@click.option(
+    "--analyse", is_flag=True, help="Constants from the levels (UTide), both sides."
+)
 @click.option("--start", help="First day of the levels, for instance 1998-03-16.")
 @click.option("--end", help="Last day of the levels.")
 @click.option("--farthest-km", default=3.0, show_default=True, help="Gauge from mesh.")
@@ -290,6 +295,9 @@ def verify(
     observed: Path | None,
     modelled: Path | None,
     station: str | None,
+    stations: str | None,
+    cold_start: str | None,
+    analyse: bool,
     start: str | None,
     end: str | None,
     farthest_km: float,
@@ -315,6 +323,9 @@ def verify(
         observed=observed,
         modelled=modelled,
         station=station,
+        stations=stations.split(",") if stations else (),
+        cold_start=cold_start,
+        analyse=analyse,
         start=start,
         end=end,
         farthest_m=1e3 * farthest_km,

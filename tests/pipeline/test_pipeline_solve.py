@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tidemesh.cli import main
-from tidemesh.datatypes import TideSolution
+from tidemesh.datatypes import TideRecord, TideSolution
 from tidemesh.geometry.projection import Projection
 from tidemesh.io.fort14 import read_fort14, write_fort14
 from tidemesh.io.fort15 import (
@@ -23,9 +23,11 @@ from tidemesh.io.fort15 import (
     write_fort15,
 )
 from tidemesh.io.fort53 import read_fort53, read_fort54, write_fort53, write_fort54
-from tidemesh.io.tide_records import read_records
+from tidemesh.io.tide_records import read_records, write_records
+from tidemesh.io.tide_tables import read_tide_table
 from tidemesh.io.ugrid import read_ugrid, write_ugrid
 from tidemesh.pipeline.tide import solution_of, tide_fields
+from tidemesh.tides import predict
 from tidemesh.triangulation import topology
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tides"))
@@ -271,6 +273,50 @@ def test_constants_and_levels_against_gauges(placed, gauges, tmp_path):
     assert levels["Same"]["rms_error_m"] < 1e-6
     # Ten degrees of M2 are 20.7 minutes.
     assert levels["Early"]["lag_minutes"] == pytest.approx(20.7, abs=0.3)
+
+
+@pytest.mark.parametrize("kind", ["stations.csv", "fort.61"])
+def test_constants_analysed_from_levels(placed, gauges, tmp_path, kind):
+    """Thirty days predicted from the gauges' constants give these back."""
+    table = read_tide_table(gauges[0])
+    time = 883612800.0 + np.arange(0.0, 30 * 86400.0, 1800.0)
+    level = predict(table, time)
+    extra = []
+    if kind == "stations.csv":
+        write_records(
+            tmp_path / kind,
+            [
+                TideRecord(time, row, name, *place)
+                for row, name, *place in zip(
+                    level, table.stations, table.longitude_deg, table.latitude_deg
+                )
+            ],
+        )
+    else:
+        lines = ["levels", f"{len(time)} 2 1800.0 30 1 FileFmtVersion: 1050624"]
+        for k, pair in enumerate(level.T):
+            lines.append(f"{time[k] - time[0]:.6f} {30 * k}")
+            lines += [f"{s + 1} {value:.10f}" for s, value in enumerate(pair)]
+        (tmp_path / kind).write_text("\n".join(lines) + "\n")
+        extra = ["--stations", "Same,Early", "--cold-start", "1998-01-01"]
+    arguments = ["verify", str(placed), "--gauges", str(gauges[0]), "--no-figures"]
+    arguments += ["--modelled", str(tmp_path / kind), "--analyse", "--quiet", *extra]
+    assert main([*arguments, "--output", str(tmp_path / "v")]) == 0
+    found = json.loads((tmp_path / "v" / "verification.json").read_text())
+    for row in found["constants"]["rows"]:
+        assert row["complex_error_m"] < 1e-4 * row["observed_m"]
+    assert len(found["constants"]["rows"]) == 2
+
+
+def test_a_fort61_without_names_or_start(placed, gauges, tmp_path, capsys):
+    path = tmp_path / "fort.61"
+    path.write_text("levels\n1 2 1800.0 30 1\n0.0 0\n1 0.1\n2 0.2\n")
+    arguments = ["verify", str(placed), "--gauges", str(gauges[0]), "--quiet"]
+    arguments += ["--output", str(tmp_path / "v"), "--modelled", str(path)]
+    assert main(arguments) == 2
+    assert "--stations" in capsys.readouterr().err
+    assert main([*arguments, "--stations", "Same,Early"]) == 2
+    assert "--cold-start" in capsys.readouterr().err
 
 
 def test_figures_of_a_verification(placed, gauges, tmp_path):

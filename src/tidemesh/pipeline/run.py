@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from tidemesh.errors import InputError
-from tidemesh.io.tide_tables import read_tide_table
 from tidemesh.pipeline.case import Case, input_files, read_case
 from tidemesh.pipeline.runner import Reporter, Run, run_stages
 from tidemesh.pipeline.stages import STAGES
-from tidemesh.pipeline.tide import seconds
-from tidemesh.tides.settings import TideSettings
+from tidemesh.pipeline.tide import check_tide_inputs
 
 
 def run_case(
@@ -78,22 +75,3 @@ def check_inputs(case: Case, files: dict[str, Path]) -> None:
         If a table of tide constants cannot be read or lacks a constituent.
     """
     check_tide_inputs(case.tide, files)
-
-
-def check_tide_inputs(tide: TideSettings, files: dict[str, Path]) -> None:
-    """As `check_inputs`, for the tables of tide constants."""
-    for key in ("forcing.table", "forcing.from_gauges.table"):
-        if key not in files:
-            continue
-        table = read_tide_table(files[key])
-        for name in tide.constituents:
-            if name not in table.names:
-                raise InputError(
-                    f"{files[key]}: no constituent {name}; the table has "
-                    f"{', '.join(table.names)}: change tide.constituents or the table; "
-                    "what nonlinear terms make inside belongs into tide.overtides"
-                )
-    if "forcing.gauges" in files:
-        read_tide_table(files["forcing.gauges"])
-    if tide.date is not None:
-        seconds(tide.date)

@@ -22,7 +22,6 @@ from tidemesh.pipeline.adcirc_case import read_adcirc_case
 from tidemesh.pipeline.case import find_files, tide_files
 from tidemesh.pipeline.examples import examples_folder
 from tidemesh.pipeline.info import on_a_conformal_map, read_mesh
-from tidemesh.pipeline.run import check_tide_inputs
 from tidemesh.pipeline.solve import (
     TideCase,
     check_mesh,
@@ -34,6 +33,7 @@ from tidemesh.pipeline.solve import (
 )
 from tidemesh.pipeline.tide import (
     bottom_coefficient,
+    check_tide_inputs,
     make_forcing,
     seconds,
 )
@@ -216,8 +216,16 @@ def _of_case(
     files = find_files(tide_files(forcing, settings.tide), folder)
     check_tide_inputs(settings.tide, files)
     mesh = on_a_conformal_map(mesh)
-    # Overtides grow by themselves; nodal factors are those of the run.
-    physics = msgspec.structs.replace(settings.tide, overtides=(), date=None)
+    # Overtides grow by themselves, nodal factors are those of the run, and a fit to
+    # gauges needs no more than friction.
+    physics = msgspec.structs.replace(
+        settings.tide,
+        overtides=(),
+        date=None,
+        discretisation="galerkin",
+        finite_amplitude=False,
+        advection=False,
+    )
     driven, _ = make_forcing(mesh, physics, forcing, files)
     if mesh.projection.crs:
         driven = _of_the_time(mesh, driven, settings.simulation)

@@ -27,9 +27,14 @@ from tidemesh.pipeline.case import (
     tide_files,
 )
 from tidemesh.pipeline.info import on_a_conformal_map, read_mesh
-from tidemesh.pipeline.run import check_tide_inputs
 from tidemesh.pipeline.runner import strict
-from tidemesh.pipeline.tide import make_forcing, placed, solve_tide, tide_fields
+from tidemesh.pipeline.tide import (
+    check_tide_inputs,
+    make_forcing,
+    placed,
+    solve_tide,
+    tide_fields,
+)
 from tidemesh.tides.adcirc.settings import AdcircSettings
 from tidemesh.tides.settings import TideSettings
 from tidemesh.triangulation import topology

@@ -34,6 +34,31 @@ def _ignore(_: float) -> None:
 # ---- forcing --------------------------------------------------------------------
 
 
+def check_tide_inputs(tide: TideSettings, files: Mapping[str, Path]) -> None:
+    """Find what is wrong with tables of tide constants before long work starts.
+
+    Raises
+    ------
+    InputError
+        If a table cannot be read or lacks a constituent, or a date is none.
+    """
+    for key in ("forcing.table", "forcing.from_gauges.table"):
+        if key not in files:
+            continue
+        table = read_tide_table(files[key])
+        for name in tide.constituents:
+            if name not in table.names:
+                raise InputError(
+                    f"{files[key]}: no constituent {name}; the table has "
+                    f"{', '.join(table.names)}: change tide.constituents or the table; "
+                    "what nonlinear terms make inside belongs into tide.overtides"
+                )
+    if "forcing.gauges" in files:
+        read_tide_table(files["forcing.gauges"])
+    if tide.date is not None:
+        seconds(tide.date)
+
+
 def make_forcing(
     mesh: CoastalMesh,
     settings: TideSettings,

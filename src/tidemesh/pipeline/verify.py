@@ -11,10 +11,10 @@ import numpy as np
 from tidemesh import tides, verification
 from tidemesh.datatypes import CoastalMesh, TideRecord, TideTable
 from tidemesh.errors import InputError
-from tidemesh.io.tide_records import read_records
 from tidemesh.io.tide_tables import read_tide_table
 from tidemesh.pipeline.examples import examples_folder
 from tidemesh.pipeline.info import on_a_conformal_map, read_mesh
+from tidemesh.pipeline.levels import analysed, read_levels
 from tidemesh.pipeline.solution import read_solution
 from tidemesh.pipeline.tide import seconds
 
@@ -43,6 +43,9 @@ def verify(
     station: str | None = None,
     start: str | None = None,
     end: str | None = None,
+    stations: Sequence[str] = (),
+    cold_start: str | None = None,
+    analyse: bool = False,
     farthest_m: float = 3000.0,
     figures: bool = True,
 ) -> Verification:
@@ -65,12 +68,19 @@ def verify(
         Water levels at gauges (CSV, or files of NOAA CO-OPS). Without it, and with
         ``start`` and ``end``, the astronomical tide of the gauge's own constants.
     modelled : path, optional
-        Water levels of a simulation at stations; predicted from the constants of the
-        solution if not given.
+        Water levels of a simulation at stations: CSV, ``stations.nc``, or ADCIRC's
+        fort.61; predicted from the constants of the solution if not given.
     station : str, optional
         Part of the name of the one gauge whose levels are compared.
     start, end : str, optional
         Dates (UTC) between which levels are compared.
+    stations : sequence of str
+        Names of the stations of a fort.61.
+    cold_start : str, optional
+        Time 0 of a fort.61.
+    analyse : bool
+        Take the modelled constants from the modelled levels by UTide, and the observed
+        ones from the observed levels where there are any.
     farthest_m : float
         A gauge outside the mesh takes the tide of the nearest wet place up to here.
     figures : bool
@@ -96,13 +106,15 @@ def verify(
             f"{farthest_m / 1e3:g} km of the mesh: name others with --gauges, or raise "
             "--farthest-km"
         )
-    constants = verification.compare_constants(
-        served.table, table, names=constituents, distance_m=served.distance_m
-    )
     if modelled is None and (Path(solution) / "stations.csv").is_file():
         # A simulation's own levels are worth more than those of its constants.
         modelled = Path(solution) / "stations.csv"
-    pairs = _record_pairs(served.table, table, observed, modelled, station, start, end)
+    models = None
+    if modelled is not None:
+        models = read_levels(modelled, stations=stations, start=cold_start)
+    truths = None if observed is None else _chosen(read_levels(observed), station)
+    constants = _constants(served, table, models, truths, constituents, analyse)
+    pairs = _record_pairs(served.table, table, truths, models, station, start, end)
     records = tuple(
         verification.compare_records(
             model,
@@ -125,31 +137,49 @@ def verify(
     return Verification(constants, records, served.left_out, tuple(files))
 
 
+def _constants(
+    served: verification.GaugeTide,
+    table: TideTable,
+    models: Sequence[TideRecord] | None,
+    truths: Sequence[TideRecord] | None,
+    names: Sequence[str] | None,
+    analyse: bool,
+) -> verification.ConstantsComparison:
+    ours, distance = served.table, served.distance_m
+    if analyse:
+        if models is None:
+            raise InputError(
+                "constants are analysed from modelled levels: give them with "
+                "--modelled, or the folder of a simulation"
+            )
+        wanted = names or [name for name in ours.names if name in table.names]
+        ours, distance = analysed(models, ours, wanted), None
+        if truths is not None:
+            table = analysed(truths, table, wanted)
+    return verification.compare_constants(ours, table, names=names, distance_m=distance)
+
+
 # ---- water levels ---------------------------------------------------------------
 
 
 def _record_pairs(
     ours: TideTable,
     theirs: TideTable,
-    observed: str | Path | None,
-    modelled: str | Path | None,
+    truths: Sequence[TideRecord] | None,
+    models: Sequence[TideRecord] | None,
     station: str | None,
     start: str | None,
     end: str | None,
 ) -> list[tuple[TideRecord, TideRecord]]:
-    if observed is None and station is None and start is None:
+    if truths is None and station is None and start is None:
         return []
-    if observed is None and (start is None or end is None):
+    if truths is None and (start is None or end is None):
         raise InputError(
             "levels are compared between two dates: give --start and --end, or "
             "observed levels with --observed"
         )
-    truths = (
-        _chosen(read_records(observed), station)
-        if observed is not None
-        else _predicted(theirs, _names(ours, station), start, end)
-    )
-    models = read_records(modelled) if modelled is not None else None
+    if truths is None:
+        truths = _predicted(theirs, _names(ours, station), start, end)
     pairs = []
     for truth in truths:
         if models is not None:
