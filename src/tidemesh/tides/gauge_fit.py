@@ -59,9 +59,12 @@ LEAST_OUTLIER = 0.05
 FEWEST_TO_JUDGE = 5
 """Gauges that it takes to call one of them an outlier."""
 
-MAX_PASSES = 5
+MAX_PASSES = 8
 PASS_TOLERANCE = 1.0e-3
 """Fits with nonlinear friction end at this relative change of the boundary values."""
+
+_LOOSEST = 1.0e-2
+"""Tolerance of the first nonlinear solves of a fit."""
 
 
 @dataclass(frozen=True)
@@ -249,7 +252,10 @@ def fit_boundary(
         if not nonlinear or (step > 0 and change < PASS_TOLERANCE):
             break
         if step < passes - 1:
-            tide = solve(mesh, forcing, settings, friction=friction, drag=drag)
+            # No sharper than the boundary values are known by now.
+            loose = max(settings.tolerance, min(_LOOSEST, 0.1 * change))
+            rough = msgspec.structs.replace(settings, tolerance=loose)
+            tide = solve(mesh, forcing, rough, friction=friction, drag=drag)
     else:
         logger.warning("boundary values still change by %.1e", change)
     report(1.0)
