@@ -100,25 +100,32 @@ _QUIET = click.option("--quiet", "-q", is_flag=True, help="Print nothing but err
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print the summary.")
 
 
-def _output(required: bool = True) -> Callable:
-    return click.option(
-        "--output",
-        "-o",
-        type=click.Path(path_type=Path),
-        required=required,
-        help="Folder for the results.",
+_OUTPUT = click.option(
+    "--output",
+    "-o",
+    type=click.Path(path_type=Path),
+    required=True,
+    help="Folder for the results.",
+)
+
+
+def _forced(command: Callable) -> Callable:
+    """Options that say what drives a tide."""
+    options = (
+        ("--fort15", "Forcing and physics of an ADCIRC case."),
+        ("--fort13", "Its nodal attributes [default: beside it]."),
+        ("--case", "Case file: its sections tide, forcing, adcirc, simulation."),
+        ("--table", "Harmonic constants along the ocean boundary (CSV)."),
     )
+    for name, words in reversed(options):
+        command = click.option(name, type=_MESH, help=words)(command)
+    return command
 
 
 @app.command()
 @click.argument("mesh", type=_MESH)
-@click.option("--fort15", type=_MESH, help="Forcing and physics of an ADCIRC case.")
-@click.option("--fort13", type=_MESH, help="Its nodal attributes [default: beside it].")
-@click.option("--case", type=_MESH, help="Case file: its sections tide and forcing.")
-@click.option(
-    "--table", type=_MESH, help="Harmonic constants along the ocean boundary (CSV)."
-)
-@_output()
+@_forced
+@_OUTPUT
 @_SET
 @_QUIET
 @_JSON
@@ -162,20 +169,13 @@ def solve(
 
 @app.command()
 @click.argument("mesh", type=_MESH)
-@click.option("--fort15", type=_MESH, help="Forcing and physics of an ADCIRC case.")
-@click.option("--fort13", type=_MESH, help="Its nodal attributes [default: beside it].")
-@click.option(
-    "--case", type=_MESH, help="Case file: its sections tide, forcing, simulation."
-)
-@click.option(
-    "--table", type=_MESH, help="Harmonic constants along the ocean boundary (CSV)."
-)
+@_forced
 @click.option(
     "--stations",
     type=_MESH,
     help="Table of places for water levels [default: NOAA's gauges].",
 )
-@_output()
+@_OUTPUT
 @_SET
 @_QUIET
 @_JSON
@@ -224,7 +224,7 @@ def simulate(
 @click.argument("solution", type=_MESH)
 @click.option("--nodes", type=int, help="Node budget of the sizes and the new mesh.")
 @click.option("--remesh", is_flag=True, help="Mesh the same water again.")
-@_output()
+@_OUTPUT
 @_SET
 @_QUIET
 @_JSON
@@ -284,7 +284,7 @@ def estimate(
 @click.option("--end", help="Last day of the levels.")
 @click.option("--farthest-km", default=3.0, show_default=True, help="Gauge from mesh.")
 @click.option("--no-figures", is_flag=True, help="Write tables only.")
-@_output()
+@_OUTPUT
 @_QUIET
 @_JSON
 def verify(
