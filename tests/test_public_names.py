@@ -30,6 +30,13 @@ def test_step_by_step(examples):
     assert not check_mesh(mesh.points, mesh.triangles, mesh.depth, mesh.boundaries)
 
 
+def test_harmonics_and_time_stepping_agree(examples):
+    """Two schemes without a line in common."""
+    found = runpy.run_path(str(examples / "gallery" / "tide_two_ways.py"))["main"]()
+    assert found["M2"] < 0.01
+    assert found["M4"] < 0.05
+
+
 @pytest.mark.parametrize("statement", ["import tidemesh", "import tidemesh.cli"])
 def test_import_is_light(statement):
     """Heavy libraries are loaded on first use: start-up stays below half a second."""

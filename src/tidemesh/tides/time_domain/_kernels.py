@@ -105,6 +105,12 @@ def triangles_pass(
             to_c = column * (state[TIDE, c] - state[TIDE, a])
             fx += bx * to_b + cx * to_c
             fy += by * to_b + cy * to_c
+        if finite:
+            # The flux H u changes with the column too: u dz/dt, without which the wave
+            # equation would not conserve mass from node to node.
+            rise = (state[RISE, a] + state[RISE, b] + state[RISE, c]) * rate
+            fx += rise * (state[U, a] + state[U, b] + state[U, c]) * THIRD
+            fy += rise * (state[V, a] + state[V, b] + state[V, c]) * THIRD
         if advection:
             ua, va = state[U, a], state[V, a]
             ub, vb = state[U, b] - ua, state[V, b] - va
@@ -112,12 +118,11 @@ def triangles_pass(
             u, v = ua + (ub + uc) * THIRD, va + (vb + vc) * THIRD
             qx = (state[QX, a] + state[QX, b] + state[QX, c]) * THIRD
             qy = (state[QY, a] + state[QY, b] + state[QY, c]) * THIRD
-            rise = (state[RISE, a] + state[RISE, b] + state[RISE, c]) * rate
             ux, uy = bx * ub + cx * uc, by * ub + cy * uc
             vx, vy = bx * vb + cx * vc, by * vb + cy * vc
             part = geometry[7, t]
-            fx += part * (u * rise - (qx * ux + qy * uy))
-            fy += part * (v * rise - (qx * vx + qy * vy))
+            fx -= part * (qx * ux + qy * uy)
+            fy -= part * (qx * vx + qy * vy)
             part *= weight
             share[t, 3] = part * (u * ux + v * uy)
             share[t, 4] = part * (u * vx + v * vy)
