@@ -16,6 +16,7 @@ from tidemesh.geometry.projection import Projection
 from tidemesh.io.fort13 import NodalAttributes, read_fort13
 from tidemesh.io.fort15 import ControlFile, fort15_forcing, read_fort15
 from tidemesh.tides.settings import TideSettings
+from tidemesh.triangulation import quality
 
 MANNING = "mannings_n_at_sea_floor"
 QUADRATIC = "quadratic_friction_coefficient_at_sea_floor"
@@ -104,14 +105,26 @@ def _on_its_map(mesh: CoastalMesh, control: ControlFile) -> CoastalMesh:
             )
         places = mesh.projection.inverse(mesh.points)
         projection = _map(control)
+        points = projection.forward(*places.T)
         mesh = dataclasses.replace(
-            mesh, points=projection.forward(*places.T), projection=projection
+            mesh,
+            points=points,
+            triangles=_counter_clockwise(points, mesh.triangles),
+            projection=projection,
         )
     if control.nolifa in (0, 1) or not (mesh.depth > 0.0).all():
         mesh = dataclasses.replace(
             mesh, depth=np.maximum(mesh.depth, control.minimum_depth)
         )
     return mesh
+
+
+def _counter_clockwise(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Triangles in order on this map, where another one was torn at another place."""
+    clockwise = quality.area(points, triangles) < 0.0
+    turned = triangles.copy()
+    turned[clockwise, 1:] = triangles[clockwise, :0:-1]
+    return turned
 
 
 def _map(control: ControlFile) -> Projection:
@@ -127,6 +140,8 @@ def _map(control: ControlFile) -> Projection:
 def _attributes(
     control: ControlFile, fort15: Path, fort13: str | Path | None, mesh: CoastalMesh
 ) -> NodalAttributes | None:
+    if fort13 is not None and not Path(fort13).is_file():
+        raise InputError(f"{fort13}: no such file of nodal attributes (fort.13)")
     if not control.nwp:
         return None
     path = Path(fort13) if fort13 is not None else fort15.with_name("fort.13")

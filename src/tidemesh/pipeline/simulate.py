@@ -281,7 +281,8 @@ def _report(result: SimulationResult) -> dict[str, Any]:
         "highest_level_m": float(result.highest.max()),
         "fastest_current_m_s": float(result.fastest.max()),
         "volume_m3": [float(volume.min()), float(volume.max())],
-        "nodes_held_at_minimum": result.films,
+        "nodes_held_at_minimum": int((result.films > 0).sum()),
+        "water_added_m3": float(result.film_volume),
     }
 
 
@@ -289,5 +290,11 @@ def _write_maxima(folder: Path, mesh: CoastalMesh, result: SimulationResult) -> 
     fields = [
         Field("highest_level", result.highest, "m", "highest water level"),
         Field("fastest_current", result.fastest, "m s-1", "largest speed"),
+        Field(
+            "held_at_minimum",
+            result.films,
+            "1",
+            "steps at which the water column was held at the minimum",
+        ),
     ]
     write_ugrid(folder / "maxima.nc", mesh, fields)

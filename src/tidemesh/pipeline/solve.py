@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 
 import tidemesh
-from tidemesh.datatypes import CoastalMesh, TideSolution
+from tidemesh.datatypes import CoastalMesh, TideForcing, TideSolution
 from tidemesh.errors import ConvergenceError, InputError, MeshError
 from tidemesh.io.files import atomic
 from tidemesh.io.fort53 import write_fort53, write_fort54
@@ -40,6 +42,12 @@ from tidemesh.tides.settings import TideSettings
 from tidemesh.triangulation import topology
 
 Progress = Callable[[float], None]
+
+APART = "triangle apart from the largest part"
+"""A fault of a mesh by which a tide is not spoilt: lakes, polders behind weirs."""
+WEIRS = (3, 4, 5, 13, 23, 24, 25, 64)
+"""IBTYPE of boundaries that water may flow over."""
+HALF_TURN_DEG = 180.0
 
 
 class TideCase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -126,6 +134,7 @@ def solve_mesh(
     started = time.perf_counter()
     given = read_mesh(mesh)
     check_mesh(given, Path(mesh))
+    require_writable(output)
     summary: dict[str, Any] = {"tidemesh": tidemesh.__version__, "mesh": str(mesh)}
     output = Path(output)
     if fort15 is not None:
@@ -134,11 +143,11 @@ def solve_mesh(
                 "a fort.15 brings its own forcing: leave out --case and --table"
             )
         solved, tide, report = _solve_adcirc_case(
-            given, fort15, fort13, overrides, progress
+            given, Path(mesh), fort15, fort13, overrides, output, progress
         )
     else:
         solved, tide, report = _solve_case(
-            given, case, table, overrides, output, progress
+            given, Path(mesh), case, table, overrides, output, progress
         )
     summary.update(
         nodes=len(solved.points),
@@ -158,35 +167,97 @@ def check_mesh(mesh: CoastalMesh, path: Path) -> None:
 
     Raises
     ------
-    MeshError, InputError
+    MeshError
     """
-    try:
-        topology.require_valid(mesh.points, mesh.triangles)
-    except MeshError as error:
-        raise MeshError(f"{path}: {error}") from None
+    faults = topology.check_mesh(mesh.points, mesh.triangles)
+    tolerated = {APART}
+    if _goes_round_the_globe(mesh):
+        # Triangles across the edge of the map lie over all the others.
+        tolerated.add("overlapping triangles")
+    found = [str(fault) for fault in faults if fault.name not in tolerated]
+    if found:
+        raise MeshError(f"{path}: the mesh is not valid: " + "; ".join(found))
+
+
+def require_driven(mesh: CoastalMesh, path: Path, potential: bool) -> list[str]:
+    """Refuse a mesh that nothing drives; say which parts of it nothing reaches.
+
+    Parameters
+    ----------
+    mesh : CoastalMesh
+    path : path
+        For the message.
+    potential : bool
+        Whether the astronomical forces act on every node.
+
+    Returns
+    -------
+    notes : list of str
+
+    Raises
+    ------
+    InputError
+    """
+    if potential:
+        return []
     if len(mesh.open_nodes) == 0:
-        raise InputError(f"{path}: the mesh has no open boundary string to drive it")
+        raise InputError(
+            f"{path}: the mesh has no open boundary string to drive it, and the tidal "
+            "potential is not asked for (NTIP in the fort.15, or tide.tidal_potential)"
+        )
+    parts, part = topology.connected_components(mesh.triangles)
+    if parts == 1:
+        return []
+    part_of_node = np.empty(len(mesh.points), dtype=np.int64)
+    part_of_node[mesh.triangles] = part[:, None]
+    still = np.setdiff1d(np.arange(parts), part_of_node[mesh.open_nodes])
+    if not len(still):
+        return []
+    return [
+        f"{len(still)} of {parts} parts of the mesh, {int(np.isin(part, still).sum())} "
+        "triangles, have no open boundary: they stay at rest"
+    ]
+
+
+def weir_notes(mesh: CoastalMesh) -> list[str]:
+    """What is said of weirs and of boundaries with prescribed flow."""
+    weirs = sum(string.ibtype in WEIRS for string in mesh.boundaries)
+    return [f"{weirs} weirs are walls that nothing overtops"] if weirs else []
+
+
+def _goes_round_the_globe(mesh: CoastalMesh) -> bool:
+    if not mesh.projection.crs:
+        return False
+    longitude = mesh.projection.inverse(mesh.points)[:, 0]
+    return bool(np.ptp(longitude[mesh.triangles], axis=1).max() > HALF_TURN_DEG)
 
 
 def _solve_adcirc_case(
     mesh: CoastalMesh,
+    path: Path,
     fort15: str | Path,
     fort13: str | Path | None,
     overrides: Sequence[str],
+    output: Path,
     progress: Progress,
 ) -> tuple[CoastalMesh, TideSolution, dict[str, Any]]:
     theirs = read_adcirc_case(mesh, fort15, fort13)
     data = {"tide": msgspec.to_builtins(theirs.settings)}
     case = read_tide_case(None, overrides, start=data)
-    notes = list(theirs.notes)
+    forcing = chosen(theirs.forcing, case.tide, Path(fort15))
+    notes = [
+        *theirs.notes,
+        *weir_notes(mesh),
+        *require_driven(mesh, path, forcing.potential is not None),
+    ]
 
     def solved(settings: TideSettings) -> tuple[TideSolution, dict[str, Any]]:
         return solve_tide(
             theirs.mesh,
-            theirs.forcing,
+            forcing,
             settings,
             adcirc=case.adcirc,
-            folder=Path(),
+            folder=output / "adcirc",
             progress=progress,
             **theirs.known,
         )
@@ -216,6 +287,7 @@ def _solve_adcirc_case(
 
 def _solve_case(
     mesh: CoastalMesh,
+    path: Path,
     case: str | Path | None,
     table: str | Path | None,
     overrides: Sequence[str],
@@ -229,6 +301,7 @@ def _solve_case(
     # ADCIRC's map of degrees stretches; the plane of the equations must not.
     if settings.tide.metric in ("plane", "sphere"):
         mesh = on_a_conformal_map(mesh)
+    notes = weir_notes(mesh) + require_driven(mesh, path, settings.tide.tidal_potential)
     driven, fitted = make_forcing(mesh, settings.tide, forcing, files)
     tide, report = solve_tide(
         mesh,
@@ -246,6 +319,7 @@ def _solve_case(
             "tide": report,
             "settings": msgspec.to_builtins(settings.tide),
             **fitted,
+            "left_out": notes,
         },
     )
 
@@ -263,6 +337,50 @@ def forcing_of_case(
             "constants along the ocean boundary, or --case FILE with a section forcing"
         )
     return forcing, folder
+
+
+def chosen(forcing: TideForcing, settings: TideSettings, path: Path) -> TideForcing:
+    """The constituents of a fort.15 that the settings leave.
+
+    Raises
+    ------
+    InputError
+        If a driven one is wanted that the fort.15 does not have.
+    """
+    upper = [name.upper() for name in forcing.names]
+    for name in settings.constituents:
+        if name.upper() not in upper:
+            raise InputError(
+                f"{path}: no constituent {name}; it has {', '.join(forcing.names)}: "
+                "change tide.constituents"
+            )
+    wanted = {name.upper() for name in (*settings.constituents, *settings.overtides)}
+    kept = [k for k, name in enumerate(upper) if name in wanted]
+    rows = {
+        name: value[kept]
+        for name in ("frequency", "elevation", "nodal_factor", "argument", "potential")
+        if (value := getattr(forcing, name)) is not None
+    }
+    return dataclasses.replace(
+        forcing, names=tuple(forcing.names[k] for k in kept), **rows
+    )
+
+
+def require_writable(output: str | Path) -> None:
+    """Find before long work that the folder of the results cannot be made.
+
+    Raises
+    ------
+    InputError
+    """
+    folder = Path(output).absolute()
+    there = next(part for part in (folder, *folder.parents) if part.exists())
+    if not there.is_dir() or not os.access(there, os.W_OK | os.X_OK):
+        raise InputError(
+            f"output folder {output} cannot be written ({there} is "
+            f"{'read-only' if there.is_dir() else 'no folder'}); name another with "
+            "--output"
+        )
 
 
 def made_folder(path: str | Path) -> Path:

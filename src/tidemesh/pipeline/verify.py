@@ -21,6 +21,8 @@ from tidemesh.pipeline.tide import seconds
 STEP = 360.0
 """s, of predicted levels: the six minutes of NOAA's gauges."""
 
+_SAME_PLACE_DEG = 0.02
+
 
 class Verification(NamedTuple):
     """What was compared and what was written."""
@@ -259,14 +261,9 @@ def _place_of(table: TideTable, record: TideRecord, n_records: int) -> int:
     for k, name in enumerate(table.stations):
         if record.station and _matches(name, record.station):
             return k
-    if np.isfinite(record.longitude_deg):
-        gap = np.hypot(
-            (table.longitude_deg - record.longitude_deg)
-            * np.cos(np.radians(record.latitude_deg)),
-            table.latitude_deg - record.latitude_deg,
-        )
-        if gap.min() < 0.05:
-            return int(np.argmin(gap))
+    near = _nearest(record, table.longitude_deg, table.latitude_deg)
+    if near is not None:
+        return near
     if n_records == 1 and len(table.longitude_deg) == 1:
         return 0
     raise InputError(
@@ -278,16 +275,33 @@ def _place_of(table: TideTable, record: TideRecord, n_records: int) -> int:
 
 def _same_station(records: Sequence[TideRecord], truth: TideRecord) -> TideRecord:
     for record in records:
-        if record.station and _matches(truth.station, record.station):
+        names = record.station, truth.station
+        if all(names) and (_matches(*names) or _matches(*reversed(names))):
             return record
-        if truth.station and _matches(record.station, truth.station):
-            return record
+    places = np.array([[r.longitude_deg, r.latitude_deg] for r in records])
+    near = _nearest(truth, *places.T)
+    if near is not None:
+        return records[near]
     if len(records) == 1:
         return records[0]
     raise InputError(
         f'the modelled levels have no station "{truth.station}"; they have '
         + ", ".join(r.station for r in records)
     )
+
+
+def _nearest(
+    record: TideRecord, longitude_deg: np.ndarray, latitude_deg: np.ndarray
+) -> int | None:
+    """The place nearest to a record, if it is known to lie within some 2 km of it."""
+    gap = np.hypot(
+        (longitude_deg - record.longitude_deg)
+        * np.cos(np.radians(record.latitude_deg)),
+        latitude_deg - record.latitude_deg,
+    )
+    if not np.isfinite(gap).any() or np.nanmin(gap) > _SAME_PLACE_DEG:
+        return None
+    return int(np.nanargmin(gap))
 
 
 # ---- figures --------------------------------------------------------------------
