@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -88,6 +89,34 @@ def read_adcirc_case(
         overtides=forcing.names[len(driven) :],
     )
     return AdcircCase(control, mesh, forcing, settings, known, tuple(notes))
+
+
+def still_known(
+    known: Mapping[str, Any], theirs: TideSettings, wanted: TideSettings
+) -> dict[str, Any]:
+    """Nodal arrays of a fort.15 that no other setting takes the place of.
+
+    Parameters
+    ----------
+    known : mapping
+        Of an `AdcircCase`.
+    theirs, wanted : TideSettings
+        As the fort.15 has them, and with what the user sets instead.
+    """
+
+    def changed(*names: str) -> bool:
+        return any(getattr(theirs, name) != getattr(wanted, name) for name in names)
+
+    gone = set()
+    if changed(
+        "friction_law", "friction", "drag_coefficient", "manning_n", "friction_file"
+    ):
+        gone |= {"friction", "drag"}
+    if changed("coriolis", "latitude_deg"):
+        gone.add("coriolis")
+    if changed("tau0") or wanted.discretisation != "gwce":
+        gone.add("tau0")
+    return {name: value for name, value in known.items() if name not in gone}
 
 
 def _on_its_map(mesh: CoastalMesh, control: ControlFile) -> CoastalMesh:

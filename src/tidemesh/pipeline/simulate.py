@@ -18,7 +18,7 @@ from tidemesh.errors import InputError
 from tidemesh.io.tide_records import write_records
 from tidemesh.io.tide_tables import read_tide_table
 from tidemesh.io.ugrid import Field, write_ugrid
-from tidemesh.pipeline.adcirc_case import read_adcirc_case
+from tidemesh.pipeline.adcirc_case import read_adcirc_case, still_known
 from tidemesh.pipeline.case import find_files, tide_files
 from tidemesh.pipeline.examples import examples_folder
 from tidemesh.pipeline.info import on_a_conformal_map, read_mesh
@@ -182,7 +182,8 @@ def _of_fort15(
     }
     data = {"tide": msgspec.to_builtins(physics), "simulation": simulation}
     settings = read_tide_case(None, overrides, kind=SimulationCase, start=data)
-    known = {k: v for k, v in theirs.known.items() if k in ("friction", "drag")}
+    known = still_known(theirs.known, physics, settings.tide)
+    known = {k: v for k, v in known.items() if k in ("friction", "drag")}
     notes = [n for n in theirs.notes if not n.startswith("lateral eddy")]
     step = settings.simulation.time_step_s
     if step == abs(control.time_step):

@@ -19,7 +19,7 @@ from tidemesh.errors import ConvergenceError, InputError, MeshError
 from tidemesh.io.files import atomic
 from tidemesh.io.fort53 import write_fort53, write_fort54
 from tidemesh.io.ugrid import write_ugrid
-from tidemesh.pipeline.adcirc_case import read_adcirc_case
+from tidemesh.pipeline.adcirc_case import read_adcirc_case, still_known
 from tidemesh.pipeline.case import (
     ForcingSettings,
     apply_overrides,
@@ -244,6 +244,7 @@ def _solve_adcirc_case(
     theirs = read_adcirc_case(mesh, fort15, fort13)
     data = {"tide": msgspec.to_builtins(theirs.settings)}
     case = read_tide_case(None, overrides, start=data)
+    files = find_files(_named_files(case), Path())
     forcing = chosen(theirs.forcing, case.tide, Path(fort15))
     notes = [
         *theirs.notes,
@@ -258,8 +259,9 @@ def _solve_adcirc_case(
             settings,
             adcirc=case.adcirc,
             folder=output / "adcirc",
+            friction_file=files.get("tide.friction_file"),
             progress=progress,
-            **theirs.known,
+            **still_known(theirs.known, theirs.settings, settings),
         )
 
     try:
@@ -322,6 +324,13 @@ def _solve_case(
             "left_out": notes,
         },
     )
+
+
+def _named_files(case: TideCase) -> list[tuple[str, str]]:
+    """Files by key that settings of a case without a section forcing name."""
+    return [
+        *tide_files(ForcingSettings(table="-"), case.tide, case.adcirc),
+    ][1:]
 
 
 def forcing_of_case(

@@ -22,6 +22,8 @@ STEP = 360.0
 """s, of predicted levels: the six minutes of NOAA's gauges."""
 
 _SAME_PLACE_DEG = 0.02
+_BY_CONSTANTS = ", tide of its own constants"
+"""What is called observed is no measurement then."""
 
 
 class Verification(NamedTuple):
@@ -218,6 +220,10 @@ def _matches(name: str, wanted: str) -> bool:
     return wanted.casefold() in name.casefold()
 
 
+def _either(one: str, other: str) -> bool:
+    return _matches(one, other) or _matches(other, one)
+
+
 def _chosen(
     records: Sequence[TideRecord], station: str | None
 ) -> tuple[TideRecord, ...]:
@@ -248,7 +254,7 @@ def _predicted(
             TideRecord(
                 time,
                 tides.predict(table, time, place=place),
-                name,
+                f"{name}{_BY_CONSTANTS}",
                 float(table.longitude_deg[place]),
                 float(table.latitude_deg[place]),
             )
@@ -259,7 +265,7 @@ def _predicted(
 def _place_of(table: TideTable, record: TideRecord, n_records: int) -> int:
     """Row of the gauge of a record: by its name, else the nearest one."""
     for k, name in enumerate(table.stations):
-        if record.station and _matches(name, record.station):
+        if record.station and _either(name, record.station):
             return k
     near = _nearest(record, table.longitude_deg, table.latitude_deg)
     if near is not None:
@@ -275,8 +281,7 @@ def _place_of(table: TideTable, record: TideRecord, n_records: int) -> int:
 
 def _same_station(records: Sequence[TideRecord], truth: TideRecord) -> TideRecord:
     for record in records:
-        names = record.station, truth.station
-        if all(names) and (_matches(*names) or _matches(*reversed(names))):
+        if record.station and truth.station and _either(record.station, truth.station):
             return record
     places = np.array([[r.longitude_deg, r.latitude_deg] for r in records])
     near = _nearest(truth, *places.T)
