@@ -76,8 +76,8 @@ class ArrayStep:
             um, vm = u.mean(axis=1), v.mean(axis=1)
             qx, qy = self.qx[c].mean(axis=1), self.qy[c].mean(axis=1)
             rate = self.rise[c].mean(axis=1) / step
-            fx += self.part * (um * rate - qx * ux - qy * uy)
-            fy += self.part * (vm * rate - qx * vx - qy * vy)
+            fx += um * rate - self.part * (qx * ux + qy * uy)
+            fy += vm * rate - self.part * (qx * vx + qy * vy)
             load = self.area * (self.x * fx + self.y * fy)
             carried = self.part * self.weight
             ax = np.repeat(carried * (um * ux + vm * uy), 3)
