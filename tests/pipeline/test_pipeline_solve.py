@@ -12,14 +12,17 @@ import numpy as np
 import pytest
 
 from tidemesh.cli import main
-from tidemesh.datatypes import TideRecord, TideSolution
+from tidemesh.constants import frequency
+from tidemesh.datatypes import CoastalMesh, TideForcing, TideRecord, TideSolution
 from tidemesh.geometry.projection import Projection
 from tidemesh.io.fort14 import read_fort14, write_fort14
 from tidemesh.io.fort15 import (
     BoundaryConstituent,
     ControlFile,
     HarmonicConstituent,
+    PotentialConstituent,
     boundary_rows,
+    read_fort15,
     write_fort15,
 )
 from tidemesh.io.fort53 import read_fort53, read_fort54, write_fort53, write_fort54
@@ -27,7 +30,7 @@ from tidemesh.io.tide_records import read_records, write_records
 from tidemesh.io.tide_tables import read_tide_table
 from tidemesh.io.ugrid import read_ugrid, write_ugrid
 from tidemesh.pipeline.tide import solution_of, tide_fields
-from tidemesh.tides import predict
+from tidemesh.tides import TideSettings, predict, solve, with_potential
 from tidemesh.triangulation import topology
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tides"))
@@ -38,6 +41,7 @@ from annulus import (
     Annulus,
     annulus_mesh,
 )
+from globe import icosphere, mesh_of
 
 EXACT = Annulus(2)
 
@@ -381,3 +385,141 @@ def test_an_unstable_step_is_refused_before_the_run(model, tmp_path, capsys):
     arguments += ["--output", str(tmp_path / "o"), "--quiet"]
     assert main([*arguments, "--set", "simulation.time_step_s=2000"]) == 2
     assert "step" in capsys.readouterr().err
+
+
+# ---- meshes as ADCIRC's users have them --------------------------------------------
+
+
+def two_basins(mesh: CoastalMesh) -> CoastalMesh:
+    """The mesh, and beside it a lake of the same shape without open boundary."""
+    n = len(mesh.points)
+    away = mesh.points + np.array([0.0, 10.0 * np.ptp(mesh.points)])
+    return dataclasses.replace(
+        mesh,
+        points=np.concatenate([mesh.points, away]),
+        triangles=np.concatenate([mesh.triangles, mesh.triangles + n]),
+        depth=np.tile(mesh.depth, 2),
+    )
+
+
+def test_a_part_without_open_boundary_stays_at_rest(model, solved, tmp_path):
+    mesh = read_fort14(model / "fort.14")
+    n = len(mesh.points)
+    write_fort14(tmp_path / "fort.14", two_basins(mesh))
+    arguments = ["solve", str(tmp_path / "fort.14")]
+    arguments += ["--fort15", str(model / "fort.15"), "--output", str(tmp_path / "out")]
+    assert main([*arguments, "--quiet"]) == 0
+    ours = read_fort53(tmp_path / "out" / "fort.53").values[0]
+    assert relative(ours[:n], read_fort53(solved / "fort.53").values[0]) < 1e-6
+    assert (ours[n:] == 0.0).all()
+    notes = json.loads((tmp_path / "out" / "summary.json").read_text())["left_out"]
+    assert any("1 of 2 parts" in note and "at rest" in note for note in notes)
+
+
+def test_the_globe_is_driven_by_the_potential_alone(tmp_path, capsys):
+    """Triangles across the date line and round the poles; no open boundary."""
+    mesh = mesh_of(*icosphere(3))
+    write_fort14(tmp_path / "globe.14", mesh)
+    arguments = ["solve", str(tmp_path / "globe.14"), "--output", str(tmp_path / "out")]
+    arguments += ["--quiet", "--set", "tide.tidal_potential=true"]
+    assert main(arguments) == 2
+    assert 'tide.metric = "geographic"' in capsys.readouterr().err
+    assert main([*arguments, "--set", "tide.metric=geographic"]) == 0
+    ours = read_fort53(tmp_path / "out" / "fort.53")
+    settings = TideSettings(tidal_potential=True, metric="geographic")
+    nothing = TideForcing(("M2",), [frequency("M2")], [], np.empty((1, 0)))
+    exact = solve(mesh, with_potential(mesh, nothing), settings)
+    assert ours.names == ("M2",)
+    # Phases have four decimals.
+    assert relative(ours.values, exact.elevation) < 2e-6
+
+    # The map of this fort.15 is torn at another meridian than that of the fort.14.
+    control = ControlFile(
+        ics=-22,
+        ntip=1,
+        gravity=settings.gravity,
+        friction=settings.friction,
+        tau0=settings.friction,
+        time_step=60.0,
+        run_days=1.0,
+        slam0=100.0,
+        sfea0=45.0,
+        angle_minimum=90.0,
+        potential=(
+            PotentialConstituent("M2", 0.242334, frequency("M2"), 0.693, 1.0, 0.0),
+        ),
+        harmonic=(HarmonicConstituent("M2", frequency("M2")),),
+        harmonic_days=(0.0, 1.0),
+        harmonic_every=1,
+        harmonic_output=(0, 0, 1, 1),
+    )
+    write_fort15(tmp_path / "fort.15", control)
+    case = ["solve", str(tmp_path / "globe.14"), "--fort15", str(tmp_path / "fort.15")]
+    assert main([*case, "--output", str(tmp_path / "theirs"), "--quiet"]) == 0
+    theirs = read_fort53(tmp_path / "theirs" / "fort.53").values
+    assert relative(theirs, exact.elevation) < 1e-2
+
+    assert main(arguments[:-2]) == 2
+    assert "no open boundary" in capsys.readouterr().err
+
+
+def test_settings_take_the_place_of_nodal_arrays_of_a_fort15(model, tmp_path):
+    """A quadratic fort.15 solved with linear friction is the linear fort.15."""
+    control = read_fort15(model / "fort.15")
+    quadratic = dataclasses.replace(control, nolibf=1, friction=0.003)
+    write_fort15(tmp_path / "quadratic.15", quadratic)
+    arguments = ["solve", str(model / "fort.14"), "--quiet", "--output"]
+    answers = []
+    for name, fort15, settings in (
+        ("linear", model / "fort.15", ["tide.discretisation=galerkin"]),
+        (
+            "made_linear",
+            tmp_path / "quadratic.15",
+            ["tide.friction_law=linear", f"tide.friction={FRICTION}"],
+        ),
+        ("quadratic", tmp_path / "quadratic.15", []),
+        ("stronger", tmp_path / "quadratic.15", ["tide.drag_coefficient=0.03"]),
+    ):
+        more = [word for setting in settings for word in ("--set", setting)]
+        output = tmp_path / name
+        assert main([*arguments, str(output), "--fort15", str(fort15), *more]) == 0
+        answers.append(read_fort53(output / "fort.53").values[0])
+    linear, made_linear, quadratic, stronger = answers
+    assert relative(made_linear, linear) < 1e-6
+    assert np.abs(stronger).min() < np.abs(quadratic).min()
+
+
+def test_constituents_of_a_fort15_are_chosen_or_refused(model, tmp_path, capsys):
+    control = read_fort15(model / "fort.15")
+    made = dataclasses.replace(
+        control,
+        nolibf=1,
+        friction=0.003,
+        harmonic=(*control.harmonic, HarmonicConstituent("M6", 3.0 * FREQUENCY)),
+    )
+    write_fort15(tmp_path / "fort.15", made)
+    arguments = ["solve", str(model / "fort.14"), "--output", str(tmp_path / "out")]
+    arguments += ["--fort15", str(tmp_path / "fort.15"), "--quiet", "--set"]
+    assert main([*arguments, "tide.max_iterations=60"]) == 0
+    assert read_fort53(tmp_path / "out" / "fort.53").names == ("M2", "M6")
+    assert main([*arguments, "tide.overtides=[]"]) == 0
+    assert read_fort53(tmp_path / "out" / "fort.53").names == ("M2",)
+    assert main([*arguments, 'tide.constituents=["S2"]']) == 2
+    assert "no constituent S2" in capsys.readouterr().err
+
+
+def test_a_fort15_with_adcirc_as_the_engine_gets_a_run_directory(
+    model, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    arguments = ["solve", str(model / "fort.14"), "--fort15", str(model / "fort.15")]
+    arguments += ["--output", str(tmp_path / "out"), "--quiet"]
+    assert main([*arguments, "--set", "tide.engine=adcirc"]) == 1
+    assert "not installed" in capsys.readouterr().err
+    assert (tmp_path / "out" / "adcirc" / "fort.15").is_file()
+
+
+def test_an_output_that_cannot_be_made_is_refused_before_the_work(model, capsys):
+    arguments = ["solve", str(model / "fort.14"), "--fort15", str(model / "fort.15")]
+    assert main([*arguments, "--output", str(model / "fort.14" / "out"), "-q"]) == 2
+    assert "is no folder" in capsys.readouterr().err

@@ -387,19 +387,20 @@ def _named_files(case: Case) -> Iterator[tuple[str, str]]:
 
 
 def tide_files(
-    forcing: ForcingSettings,
+    forcing: ForcingSettings | None,
     tide: TideSettings,
     adcirc: AdcircSettings | None = None,
 ) -> Iterator[tuple[str, str]]:
     """Files by key that the tide of a case reads."""
-    if forcing.table:
-        yield "forcing.table", forcing.table
-    if forcing.atlas:
-        yield "forcing.atlas.directory", forcing.atlas.directory
-    if forcing.from_gauges:
-        yield "forcing.from_gauges.table", forcing.from_gauges.table
-    if forcing.gauges:
-        yield "forcing.gauges", forcing.gauges
+    if forcing is not None:
+        if forcing.table:
+            yield "forcing.table", forcing.table
+        if forcing.atlas:
+            yield "forcing.atlas.directory", forcing.atlas.directory
+        if forcing.from_gauges:
+            yield "forcing.from_gauges.table", forcing.from_gauges.table
+        if forcing.gauges:
+            yield "forcing.gauges", forcing.gauges
     if tide.friction_file:
         yield "tide.friction_file", tide.friction_file
     if adcirc is not None and adcirc.batch_template and tide.engine == "adcirc":

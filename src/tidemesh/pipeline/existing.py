@@ -12,13 +12,17 @@ import numpy as np
 
 from tidemesh.basegrid.settings import DepthSettings
 from tidemesh.datatypes import CoastalMesh, Domain, TideSolution
-from tidemesh.errors import InputError
+from tidemesh.errors import InputError, MeshError
 from tidemesh.hierarchy.settings import HierarchySettings
 from tidemesh.improve.settings import ImproveSettings
 from tidemesh.io.domain_geojson import write_domain
 from tidemesh.pipeline import stages
 from tidemesh.pipeline.case import OutputSettings, apply_overrides, decode_case
-from tidemesh.pipeline.info import on_a_conformal_map, read_mesh
+from tidemesh.pipeline.info import (
+    goes_round_the_globe,
+    on_a_conformal_map,
+    read_mesh,
+)
 from tidemesh.pipeline.runner import Context, Reporter, Run, Stage, run_stages
 from tidemesh.pipeline.solution import find_solution, read_solution
 from tidemesh.sizing.settings import SizingSettings
@@ -107,7 +111,11 @@ def estimate(
 def take_domain(context: Context) -> Domain:
     """The water body that the mesh covers."""
     mesh = _given_mesh(context)
-    domain = domain_from_mesh(mesh)
+    path = context.files["mesh"]
+    try:
+        domain = domain_from_mesh(mesh)
+    except MeshError as error:
+        raise MeshError(f"{path}: {error}") from None
     context.report["domain"] = {
         "boundary_nodes": sum(len(ring.points) for ring in domain.rings),
         "islands": len(domain.rings) - 1,
@@ -143,7 +151,14 @@ def take_tide(context: Context) -> TideSolution:
 
 
 def _given_mesh(context: Context) -> CoastalMesh:
-    return on_a_conformal_map(read_mesh(context.files["mesh"]))
+    path = context.files["mesh"]
+    mesh = read_mesh(path)
+    if goes_round_the_globe(mesh):
+        raise InputError(
+            f"{path}: the mesh goes round the globe; sizes are chosen on a flat map, "
+            "so cut out the ocean that matters"
+        )
+    return on_a_conformal_map(mesh)
 
 
 def _adapted(stage: Stage) -> Stage:

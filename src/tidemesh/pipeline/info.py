@@ -34,6 +34,14 @@ def read_mesh(path: str | Path) -> CoastalMesh:
     return read_fort14(path)
 
 
+def goes_round_the_globe(mesh: CoastalMesh) -> bool:
+    """Whether the map tears triangles apart: no flat map holds the mesh."""
+    if not mesh.projection.crs:
+        return False
+    longitude = mesh.projection.inverse(mesh.points)[:, 0]
+    return bool(np.ptp(longitude[mesh.triangles], axis=1).max() > 180.0)
+
+
 def on_a_conformal_map(mesh: CoastalMesh) -> CoastalMesh:
     """The same mesh with true angles: ADCIRC's own map stretches them off its middle.
 

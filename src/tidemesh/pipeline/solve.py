@@ -28,7 +28,11 @@ from tidemesh.pipeline.case import (
     read_toml,
     tide_files,
 )
-from tidemesh.pipeline.info import on_a_conformal_map, read_mesh
+from tidemesh.pipeline.info import (
+    goes_round_the_globe,
+    on_a_conformal_map,
+    read_mesh,
+)
 from tidemesh.pipeline.runner import strict
 from tidemesh.pipeline.tide import (
     check_tide_inputs,
@@ -47,7 +51,6 @@ APART = "triangle apart from the largest part"
 """A fault of a mesh by which a tide is not spoilt: lakes, polders behind weirs."""
 WEIRS = (3, 4, 5, 13, 23, 24, 25, 64)
 """IBTYPE of boundaries that water may flow over."""
-HALF_TURN_DEG = 180.0
 
 
 class TideCase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -171,7 +174,7 @@ def check_mesh(mesh: CoastalMesh, path: Path) -> None:
     """
     faults = topology.check_mesh(mesh.points, mesh.triangles)
     tolerated = {APART}
-    if _goes_round_the_globe(mesh):
+    if goes_round_the_globe(mesh):
         # Triangles across the edge of the map lie over all the others.
         tolerated.add("overlapping triangles")
     found = [str(fault) for fault in faults if fault.name not in tolerated]
@@ -225,11 +228,18 @@ def weir_notes(mesh: CoastalMesh) -> list[str]:
     return [f"{weirs} weirs are walls that nothing overtops"] if weirs else []
 
 
-def _goes_round_the_globe(mesh: CoastalMesh) -> bool:
-    if not mesh.projection.crs:
-        return False
-    longitude = mesh.projection.inverse(mesh.points)[:, 0]
-    return bool(np.ptp(longitude[mesh.triangles], axis=1).max() > HALF_TURN_DEG)
+def require_map(mesh: CoastalMesh, path: Path, settings: TideSettings) -> None:
+    """Refuse to solve on a flat map a mesh that the map tears apart.
+
+    Raises
+    ------
+    InputError
+    """
+    if settings.metric != "geographic" and goes_round_the_globe(mesh):
+        raise InputError(
+            f"{path}: the mesh goes round the globe, and no flat map holds it: use "
+            'tide.metric = "geographic"'
+        )
 
 
 def _solve_adcirc_case(
@@ -244,7 +254,7 @@ def _solve_adcirc_case(
     theirs = read_adcirc_case(mesh, fort15, fort13)
     data = {"tide": msgspec.to_builtins(theirs.settings)}
     case = read_tide_case(None, overrides, start=data)
-    files = find_files(_named_files(case), Path())
+    files = find_files(tide_files(None, case.tide, case.adcirc), Path())
     forcing = chosen(theirs.forcing, case.tide, Path(fort15))
     notes = [
         *theirs.notes,
@@ -297,13 +307,15 @@ def _solve_case(
     progress: Progress,
 ) -> tuple[CoastalMesh, TideSolution, dict[str, Any]]:
     settings = read_tide_case(case, overrides)
-    forcing, folder = forcing_of_case(settings.forcing, case, table)
+    notes = weir_notes(mesh) + require_driven(mesh, path, settings.tide.tidal_potential)
+    closed = len(mesh.open_nodes) == 0 and settings.tide.tidal_potential
+    forcing, folder = forcing_of_case(settings.forcing, case, table, closed=closed)
     files = find_files(tide_files(forcing, settings.tide, settings.adcirc), folder)
     check_tide_inputs(settings.tide, files)
+    require_map(mesh, path, settings.tide)
     # ADCIRC's map of degrees stretches; the plane of the equations must not.
     if settings.tide.metric in ("plane", "sphere"):
         mesh = on_a_conformal_map(mesh)
-    notes = weir_notes(mesh) + require_driven(mesh, path, settings.tide.tidal_potential)
     driven, fitted = make_forcing(mesh, settings.tide, forcing, files)
     tide, report = solve_tide(
         mesh,
@@ -326,18 +338,20 @@ def _solve_case(
     )
 
 
-def _named_files(case: TideCase) -> list[tuple[str, str]]:
-    """Files by key that settings of a case without a section forcing name."""
-    return [
-        *tide_files(ForcingSettings(table="-"), case.tide, case.adcirc),
-    ][1:]
-
-
 def forcing_of_case(
-    forcing: ForcingSettings | None, case: str | Path | None, table: str | Path | None
-) -> tuple[ForcingSettings, Path]:
-    """Where the forcing comes from, and the folder where its paths start."""
+    forcing: ForcingSettings | None,
+    case: str | Path | None,
+    table: str | Path | None,
+    *,
+    closed: bool = False,
+) -> tuple[ForcingSettings | None, Path]:
+    """Where the forcing comes from, and the folder where its paths start.
+
+    None for a closed basin or the globe, which the tidal potential alone drives.
+    """
     folder = Path(case).parent if case is not None else Path()
+    if closed:
+        return None, folder
     if table is not None:
         return ForcingSettings(table=str(Path(table).absolute())), folder
     if forcing is None:

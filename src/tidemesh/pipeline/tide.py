@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -62,7 +62,7 @@ def check_tide_inputs(tide: TideSettings, files: Mapping[str, Path]) -> None:
 def make_forcing(
     mesh: CoastalMesh,
     settings: TideSettings,
-    forcing: ForcingSettings,
+    forcing: ForcingSettings | None,
     files: Mapping[str, Path],
     *,
     progress: Progress = _ignore,
@@ -76,7 +76,8 @@ def make_forcing(
     ----------
     mesh : CoastalMesh
     settings : TideSettings
-    forcing : ForcingSettings
+    forcing : ForcingSettings or None
+        None for a mesh without open boundary, driven by the potential alone.
     files : mapping
         Paths by key of the case: "forcing.table", "forcing.from_gauges.table".
 
@@ -100,6 +101,8 @@ def make_forcing(
             driven = tides.with_potential(mesh, driven)
         return driven
 
+    if forcing is None:
+        return complete(_nothing_at_the_boundary(settings.constituents)), {}
     if forcing.from_gauges is not None:
         known = bottom_coefficient(mesh, settings, files.get("tide.friction_file"))
         return _fit_to_gauges(mesh, settings, forcing, files, complete, known, progress)
@@ -114,6 +117,21 @@ def make_forcing(
     else:
         driven = _from_table(mesh, settings, files["forcing.table"])
     return complete(driven), {}
+
+
+def _nothing_at_the_boundary(names: Sequence[str]) -> TideForcing:
+    for name in names:
+        if name.upper() not in constants.SPEED_DEG_PER_HOUR:
+            raise InputError(
+                f"the constituent {name} is unknown; known are "
+                + ", ".join(constants.SPEED_DEG_PER_HOUR)
+            )
+    return TideForcing(
+        names=tuple(names),
+        frequency=np.array([constants.frequency(name) for name in names]),
+        nodes=np.empty(0, dtype=np.int64),
+        elevation=np.empty((len(names), 0), dtype=np.complex128),
+    )
 
 
 def _from_table(mesh: CoastalMesh, settings: TideSettings, path: Path) -> TideForcing:
