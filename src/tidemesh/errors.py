@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
+
+_LONG_QUOTE = re.compile(r'"([^"]{120})[^"]{20,}"')
 
 
 class TidemeshError(Exception):
@@ -33,7 +36,13 @@ class FormatError(InputError):
         self.line = line
         place = "" if path is None else f"{path}: "
         place += "" if line is None else f"line {line}: "
-        super().__init__(place + message)
+        super().__init__(place + _legible(message))
+
+
+def _legible(message: str) -> str:
+    """A message that quotes a damaged file, fit for a terminal."""
+    plain = "".join(c if c.isprintable() or c == "\n" else "?" for c in message)
+    return _LONG_QUOTE.sub(r'"\1 ..."', plain)
 
 
 class MeshError(TidemeshError):

@@ -156,7 +156,9 @@ class Records:
 
     def error(self, message: str, line: int | None = None) -> FormatError:
         """An error at a line (default: the one read last)."""
-        return FormatError(message, self.path, self._next if line is None else line)
+        return FormatError(
+            message, self.path, max(self._next, 1) if line is None else line
+        )
 
     def peek(self) -> str | None:
         """The next line with text on it, left unread; None at the end."""
