@@ -497,9 +497,3 @@ def test_refuses_a_node_without_water(bay):
     dry = CoastalMesh(bay.points, bay.triangles, depth, bay.boundaries)
     with pytest.raises(MeshError, match=r"0 m at node 7.*raise the minimum depth"):
         solve(dry, driven(dry, {"M2": 0.5}), QUADRATIC)
-
-
-def test_refuses_quadratic_friction_in_the_wave_continuity_equation(bay):
-    settings = TideSettings(friction_law="quadratic", discretisation="gwce")
-    with pytest.raises(InputError, match="solves linear tides"):
-        solve(bay, driven(bay, {"M2": 0.5}), settings)

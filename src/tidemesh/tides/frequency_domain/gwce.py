@@ -27,9 +27,13 @@ import scipy.sparse as sparse
 from tidemesh.datatypes import CoastalMesh, TideForcing, TideSolution
 from tidemesh.errors import EngineError, InputError
 from tidemesh.tides.frequency_domain.elements import MASS, Elements
-from tidemesh.tides.frequency_domain.harmonic_balance import each
 from tidemesh.tides.frequency_domain.ordering import nested_dissection
-from tidemesh.tides.frequency_domain.velocity import nodal_response, nodal_velocity
+from tidemesh.tides.frequency_domain.parallel import each
+from tidemesh.tides.frequency_domain.velocity import (
+    nodal_response,
+    nodal_velocity,
+    turn,
+)
 from tidemesh.tides.frequency_domain.wave_equation import Symbols, WaveEquation
 from tidemesh.tides.settings import TideSettings
 
@@ -43,7 +47,7 @@ LUMPED_WEIGHTS = (0.0, 1.0, 0.0)
 class GwceSymbols(NamedTuple):
     """What the derivatives in time and the means over time levels become.
 
-    In continuous time (i w)**2, i w, 1 and i w.
+    In continuous time (i w)**2, i w, 1, i w and 1.
     """
 
     second: complex
@@ -54,6 +58,8 @@ class GwceSymbols(NamedTuple):
     """Weight of the surface slope in the wave equation."""
     momentum: complex
     """Derivative in the momentum equations (1/s)."""
+    middle: complex = 1.0
+    """Mean over the two time levels of the momentum equations."""
 
     @classmethod
     def exact(cls, frequency: float) -> GwceSymbols:
@@ -102,6 +108,7 @@ def adcirc_symbols(
         first=(z - 1.0 / z) / (2.0 * time_step),
         slope=new * z + present + old / z,
         momentum=2.0 / time_step * (z - 1.0) / (z + 1.0),
+        middle=0.5 * (z + 1.0),
     )
 
 
@@ -178,7 +185,7 @@ class GwceEquation(WaveEquation):
         result += elements.scatter(
             mass * (off * values.sum(axis=0) + (on - off) * values)
         )
-        result -= self._flux_of(symbols, elevation)
+        result -= self._inflow_under(symbols, elevation)
         return result / self._row_scale(symbols)
 
     def potential_load(self, symbols: GwceSymbols, potential: np.ndarray) -> np.ndarray:
@@ -198,7 +205,35 @@ class GwceEquation(WaveEquation):
         """
         conductance = self.settings.gravity * self.depth
         load = self.divergence(conductance * self.elements.gradient_of(potential))
-        load -= self._flux_of(symbols, potential)
+        load -= self._inflow_under(symbols, potential)
+        return load / self._row_scale(symbols)
+
+    def force_load(
+        self,
+        symbols: GwceSymbols,
+        momentum: np.ndarray,
+        wave: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """Load (m3/s) of a force that does not follow from the elevation.
+
+        Parameters
+        ----------
+        symbols : GwceSymbols
+        momentum : (2, n_points) complex array
+            m/s2, acceleration of the nodal momentum equations.
+        wave : (2, n_points) complex array, optional
+            The same in the wave equation, where a time step makes it another.
+
+        Returns
+        -------
+        load : (n_points,) complex array
+            m3/s.
+        """
+        elements, depth = self.elements, self.mesh.depth
+        wave = momentum if wave is None else wave
+        slope = momentum / -self.settings.gravity
+        load = self._inflow_of(depth * turn(self._checked_response(symbols), slope))
+        load += self.divergence(elements.mean_vector(depth * wave))
         return load / self._row_scale(symbols)
 
     def _row_scale(self, symbols: GwceSymbols) -> np.ndarray:
@@ -215,14 +250,19 @@ class GwceEquation(WaveEquation):
         weight = self.elements.mean(self.tau0)
         return self.elements.area * (symbols.second + symbols.first * weight)
 
-    def _flux_of(self, symbols: GwceSymbols, elevation: np.ndarray) -> np.ndarray:
+    def _inflow_under(self, symbols: GwceSymbols, elevation: np.ndarray) -> np.ndarray:
         """What the velocities under a surface add to the wave equation."""
         elements = self.elements
         if not self.coupled:
             return np.zeros(elements.n_points, dtype=np.complex128)
         slope = elements.nodal_vector(elements.gradient_of(elevation))
-        response = self._checked_response(symbols)
-        flux = self.mesh.depth * (response * slope).sum(axis=1)
+        return self._inflow_of(
+            self.mesh.depth * turn(self._checked_response(symbols), slope)
+        )
+
+    def _inflow_of(self, flux: np.ndarray) -> np.ndarray:
+        """What nodal fluxes (2, n_points) m2/s add to the wave equation."""
+        elements = self.elements
         force = elements.mean_vector((self.tau0 - self.friction) * flux)
         mean = elements.mean_vector(flux)
         if self._element_coriolis is not None:

@@ -48,10 +48,10 @@ logger = logging.getLogger(__name__)
 KEPT_UNKNOWNS = 2_000_000
 """Constituents times nodes up to which all factors stay in memory (about 2 kB each)."""
 
-_REFACTOR = 0.2
+REFACTOR = 0.2
 """Relative change of T above which the equations are factorised again."""
 
-_TOO_WEAK = 1.0
+TOO_WEAK = 1.0
 """The same at one place, upwards: with too little of T an iteration overshoots."""
 
 _STILL = 1.0e-3
@@ -123,11 +123,13 @@ def strength(boundary: np.ndarray, potential: np.ndarray | None) -> np.ndarray:
     return np.sqrt(square)
 
 
-class _State(NamedTuple):
+class State(NamedTuple):
+    """The tide of an iteration."""
+
     elevation: np.ndarray
     """(n_c, n_points) complex m."""
     velocity: np.ndarray
-    """(n_c, 2, n_triangles) complex m/s."""
+    """(n_c, 2, n) complex m/s, of the triangles or nodes that the terms are of."""
 
 
 class HarmonicBalance:
@@ -148,10 +150,7 @@ class HarmonicBalance:
         self.drag = drag
         self.lattice = PhaseLattice(drive.combination)
         elements = equation.elements
-        self.terms = self._terms(
-            Places(equation.depth, None if drag is None else elements.mean(drag)),
-            equation._element_friction,
-        )
+        self.terms = self._terms(*self._places())
         settings = equation.settings
         rates = [abs(s.momentum) for s in drive.symbols if s.momentum]
         self._rates = rates if rates else [_DAILY]
@@ -160,10 +159,16 @@ class HarmonicBalance:
         self._keeps_factors = size <= KEPT_UNKNOWNS
         self._waves: dict[int, FactorisedWave] = {}
         self._split = equation
-        self._last: tuple[_State, Terms] | None = None
+        self._last: tuple[State, Terms] | None = None
         self._shown = 0.0
         self.change = np.inf
         self.iterations = 0
+
+    def _places(self) -> tuple[Places, np.ndarray]:
+        """Where the terms are evaluated, and the linear friction there."""
+        equation = self.equation
+        drag = None if self.drag is None else equation.elements.mean(self.drag)
+        return Places(equation.depth, drag), equation._element_friction
 
     def _terms(self, places: Places, linear: np.ndarray) -> NonlinearTerms:
         settings = self.equation.settings
@@ -174,7 +179,7 @@ class HarmonicBalance:
 
     # ---- iteration -----------------------------------------------------------------
 
-    def solve(self, report: Callable[[float], None]) -> _State:
+    def solve(self, report: Callable[[float], None]) -> State:
         """Iterate until the elevation stays.
 
         Raises
@@ -190,7 +195,7 @@ class HarmonicBalance:
             if self._renew_split(state):
                 history.forget()
             previous, state = state, self._advance(state)
-            self.change = self._change_of(previous.elevation, state.elevation)
+            self.change = self._change_of(previous, state)
             logger.info("iteration %d: change %.1e", self.iterations, self.change)
             report(self._progress())
             if self.change <= settings.tolerance:
@@ -198,7 +203,7 @@ class HarmonicBalance:
                 return state
             if not self._rms(state.elevation) < limit:
                 break
-            state = _State(*history.next(previous, state))
+            state = State(*history.next(previous, state))
         if settings.advection:
             advice = (
                 "leave out advection, which harmonics cannot follow in strong jets, or "
@@ -217,13 +222,13 @@ class HarmonicBalance:
             f"square, more than the tolerance {settings.tolerance:g}; {advice}"
         )
 
-    def _start(self) -> _State:
+    def _start(self) -> State:
         """The strongest constituent alone, roughly, and nothing of the others."""
         n_c = len(self.drive.names)
         elements = self.equation.elements
-        state = _State(
+        state = State(
             np.zeros((n_c, elements.n_points), dtype=np.complex128),
-            np.zeros((n_c, 2, len(elements.area)), dtype=np.complex128),
+            np.zeros((n_c, 2, len(self.terms.places.depth)), dtype=np.complex128),
         )
         strongest = int(np.argmax(self.drive.strength()))
         if n_c == 1 or self.drag is None:
@@ -233,23 +238,23 @@ class HarmonicBalance:
         state.velocity[strongest] = one.velocity[0]
         return state
 
-    def _alone(self, k: int) -> _State:
+    def _alone(self, k: int) -> State:
         """One constituent with its friction alone, roughly."""
         equation = copy.copy(self.equation)
         equation.settings = msgspec.structs.replace(
             equation.settings, finite_amplitude=False, advection=False
         )
-        balance = HarmonicBalance(equation, self.drive.only(k), self.drag)
+        balance = type(self)(equation, self.drive.only(k), self.drag)
         state = balance._start()
         for _ in range(_ROUGH_ITERATIONS):
             balance._renew_split(state)
             previous, state = state, balance._advance(state)
-            change = balance._change_of(previous.elevation, state.elevation)
+            change = balance._change_of(previous, state)
             if change < _ROUGH:
                 break
         return state
 
-    def _advance(self, state: _State) -> _State:
+    def _advance(self, state: State) -> State:
         """Solve all constituents under the loads of the others."""
         terms = self._evaluate(state)
         equation, drive = self._split, self.drive
@@ -275,7 +280,7 @@ class HarmonicBalance:
 
         solved = each(solve, range(len(drive.names)), self._threads)
         self._last = state, terms
-        return _State(*(np.stack(part) for part in zip(*solved)))
+        return State(*(np.stack(part) for part in zip(*solved)))
 
     def _wave(self, k: int) -> FactorisedWave:
         if k in self._waves:
@@ -285,7 +290,7 @@ class HarmonicBalance:
             self._waves[k] = wave
         return wave
 
-    def _renew_split(self, state: _State) -> bool:
+    def _renew_split(self, state: State) -> bool:
         """Take the mean derivative of the friction anew where it has changed."""
         advection = self.equation.settings.advection
         if not state.velocity.any() or (self.drag is None and not advection):
@@ -300,13 +305,13 @@ class HarmonicBalance:
             moved /= min(self._rates) + old[::2].sum(axis=0)
             area = self.equation.elements.area
             mean = (area * np.abs(moved)).sum() / area.sum()
-            if mean <= _REFACTOR and moved.max() <= _TOO_WEAK:
+            if mean <= REFACTOR and moved.max() <= TOO_WEAK:
                 return False
         self._split = self.equation.with_friction(tensor)
         self._waves.clear()
         return True
 
-    def _evaluate(self, state: _State) -> Terms:
+    def _evaluate(self, state: State) -> Terms:
         shear = None
         if self.equation.settings.advection:
             shear = np.stack([self._shear(row) for row in state.velocity])
@@ -317,7 +322,7 @@ class HarmonicBalance:
         square = 0.5 * (np.abs(velocity) ** 2).sum(axis=(0, 1))
         return np.sqrt(square / (2.0 * self.equation.elements.area))
 
-    def _level(self, state: _State) -> np.ndarray | None:
+    def _level(self, state: State) -> np.ndarray | None:
         """(n_c, n_triangles) elevation of the triangles, where it counts."""
         if not self.equation.settings.finite_amplitude:
             return None
@@ -330,22 +335,24 @@ class HarmonicBalance:
         corners = elements.from_corners(elements.nodal_vector(velocity))
         return np.einsum("ikm,jkm->ijm", corners, elements.gradient).reshape(4, -1)
 
-    def _change_of(self, old: np.ndarray, new: np.ndarray) -> float:
-        size = self._rms(new)
-        return float(np.abs(new - old).max() / size) if size > 0.0 else 0.0
+    def _change_of(self, before: State, after: State) -> float:
+        size = self._rms(after.elevation)
+        if size == 0.0:
+            return 0.0
+        return float(np.abs(after.elevation - before.elevation).max() / size)
 
     @staticmethod
     def _rms(elevation: np.ndarray) -> float:
         return float(np.sqrt((np.abs(elevation) ** 2).sum(axis=0).mean()))
 
-    def _weights(self) -> _State:
+    def _weights(self) -> State:
         """Square roots of the energy of a unit elevation and velocity."""
         elements = self.equation.elements
         share = elements.scatter(
             np.broadcast_to(elements.area / 3.0, elements.corners.shape)
         )
         mass = self.equation.depth * elements.area / self.equation.settings.gravity
-        return _State(np.sqrt(share), np.sqrt(mass))
+        return State(np.sqrt(share), np.sqrt(mass))
 
     def _progress(self) -> float:
         """Share of the way, by the change so far."""
@@ -356,7 +363,7 @@ class HarmonicBalance:
 
     # ---- what follows from the answer ------------------------------------------------
 
-    def energy(self, state: _State) -> EnergyBalance:
+    def energy(self, state: State) -> EnergyBalance:
         """Balance of the answer, with the friction force of the last iteration."""
         before, terms = self._last
         rows = []
@@ -376,7 +383,7 @@ class HarmonicBalance:
             rows.append(row)
         return EnergyBalance(*np.array(rows).T)
 
-    def nodal(self, state: _State) -> tuple[np.ndarray, np.ndarray]:
+    def nodal(self, state: State) -> tuple[np.ndarray, np.ndarray]:
         """Velocity and friction coefficient at the nodes.
 
         The momentum equations of the nodes, with the gradients that the settings choose
@@ -432,7 +439,7 @@ class HarmonicBalance:
             friction = self._equivalent(before, force, tensor)
         return np.ascontiguousarray(velocity.transpose(0, 2, 1)), friction
 
-    def _warn_of_low_water(self, state: _State) -> None:
+    def _warn_of_low_water(self, state: State) -> None:
         if not self.equation.settings.finite_amplitude:
             return
         lowest = (1.0 - LEAST_WATER) * self.equation.mesh.depth
@@ -483,18 +490,18 @@ class _Acceleration:
     the smallest (Walker & Ni 2011).
     """
 
-    def __init__(self, weights: _State, size: int):
+    def __init__(self, weights: State, size: int):
         self._weights = weights
         self._size = size
         self.forget()
 
     def forget(self) -> None:
         """Start anew: the map has changed."""
-        self._images: deque[_State] = deque(maxlen=self._size)
+        self._images: deque[State] = deque(maxlen=self._size)
         self._steps: deque[list[np.ndarray]] = deque(maxlen=self._size)
         self._products = np.zeros((0, 0))
 
-    def next(self, before: _State, image: _State) -> Iterable[np.ndarray]:
+    def next(self, before: State, image: State) -> Iterable[np.ndarray]:
         """The next trial, from the last one and its image."""
         step = [
             (w * (b - a)).astype(np.complex64)

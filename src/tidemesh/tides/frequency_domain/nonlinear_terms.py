@@ -78,6 +78,7 @@ class NonlinearTerms:
         shear: np.ndarray | None = None,
         *,
         transport: bool = True,
+        carried: np.ndarray | None = None,
     ) -> Terms:
         """Project the terms on the constituents.
 
@@ -91,6 +92,10 @@ class NonlinearTerms:
             u_x, u_y, v_x, v_y (1/s); needed for the advection.
         transport : bool
             Whether the flux e u is wanted.
+        carried : (n_c, 2, n) complex array, optional
+            m/s; velocity that friction holds back where it is not the one whose speed
+            makes the friction: a time-stepping model has the speed of the last level
+            and the mean velocity of two.
         """
         finite = self.settings.finite_amplitude
         force = np.empty_like(velocity)
@@ -108,18 +113,20 @@ class NonlinearTerms:
                     flux[:, 0, part] = project(rise * u)
                     flux[:, 1, part] = project(rise * v)
                 water = self._water(depth, rise)
-            if self.linear is None:
-                resistance = self._resistance(drag, water) * np.sqrt(u * u + v * v)
-                force[:, 0, part] = project(resistance * u)
-                force[:, 1, part] = project(resistance * v)
             if shear is not None:
                 ux, uy, vx, vy = (sample(shear[:, k, part]) for k in range(4))
                 advection[:, 0, part] = project(u * ux + v * uy)
                 advection[:, 1, part] = project(u * vx + v * vy)
+            if self.linear is None:
+                resistance = self._resistance(drag, water) * np.sqrt(u * u + v * v)
+                if carried is not None:
+                    u, v = sample(carried[:, 0, part]), sample(carried[:, 1, part])
+                force[:, 0, part] = project(resistance * u)
+                force[:, 1, part] = project(resistance * v)
 
         each(fill, self._parts(velocity.shape[-1]), self.settings.threads)
         if self.linear is not None:
-            force[:] = self.linear * velocity
+            force[:] = self.linear * (velocity if carried is None else carried)
         return Terms(force, advection, flux)
 
     def mean_slope(

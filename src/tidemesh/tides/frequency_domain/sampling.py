@@ -20,9 +20,13 @@ motion of the perihelion alone, or in the digits of a table."""
 LARGEST_ORDER = 8
 """Sum of the integers of a combination: M8 is 4 M2, or four times K1 + O1."""
 
+HIGHEST_HARMONIC = 32
+"""The same where all constituents are harmonics of one."""
+
 SAMPLES = (1, 64, 251, 509, 751, 1009)
 """Lattice points for 0, 1, 2 ... fundamental phases."""
 
+_PER_HARMONIC = 16
 _MANY = 4_000
 _DECAY = 0.35
 _EVEN = 0.1
@@ -68,7 +72,7 @@ def as_combination(
     """
     size = len(fundamental)
     # All combinations of many constituents are too many, and the high ones are weak.
-    order = LARGEST_ORDER
+    order = HIGHEST_HARMONIC if size == 1 else LARGEST_ORDER
     while order > 3 and len(_integers(size, order)) > 50 * _MANY:
         order -= 1
     trial = _integers(size, order)
@@ -97,6 +101,8 @@ class PhaseLattice:
     def __init__(self, combination: np.ndarray):
         size = combination.shape[1]
         n = SAMPLES[min(size, len(SAMPLES) - 1)]
+        if size == 1:
+            n = max(n, _PER_HARMONIC * int(np.abs(combination).max()))
         generator = _generator(n, tuple(map(tuple, combination.tolist())))
         turns = (combination @ np.array(generator, dtype=np.int64)) % n
         phase = 2.0 * np.pi / n * (np.outer(np.arange(n), turns) % n)

@@ -16,7 +16,12 @@ from tidemesh.tides.frequency_domain.energy import (
     ForcedTide,
     constituent_energy,
 )
-from tidemesh.tides.frequency_domain.gwce import solve_gwce
+from tidemesh.tides.frequency_domain.gwce import (
+    GwceEquation,
+    solve_gwce,
+    symbols_for,
+)
+from tidemesh.tides.frequency_domain.gwce_balance import GwceBalance
 from tidemesh.tides.frequency_domain.harmonic_balance import (
     Drive,
     HarmonicBalance,
@@ -128,29 +133,40 @@ def solve_with_report(
             f"{len(symbols)} symbols for {len(forcing.names)} constituents"
         )
     linear = IterationReport(0, 0.0, True)
+    per_constituent = np.ndim(friction) == 2
+    if per_constituent and is_nonlinear(settings):
+        raise InputError(
+            "friction of every constituent goes with linear equations; quadratic "
+            "friction finds it itself"
+        )
     if settings.discretisation == "gwce":
-        if is_nonlinear(settings):
+        if settings.finite_amplitude or settings.advection:
             raise InputError(
-                'discretisation = "gwce" solves linear tides: use friction_law = '
-                '"linear" without finite_amplitude, advection or overtides, or '
+                'discretisation = "gwce" knows quadratic friction, but neither '
+                "finite_amplitude nor advection: leave them out, or use "
                 'discretisation = "galerkin"'
             )
-        tide = solve_gwce(
-            mesh,
-            forcing,
-            settings,
-            friction=friction,
-            coriolis=coriolis,
-            elements=elements,
-            symbols=symbols,
-            progress=progress,
-        )
-        return tide, linear
+        given = {"friction": friction, "coriolis": coriolis, "elements": elements}
+        if not is_nonlinear(settings):
+            tide = solve_gwce(
+                mesh, forcing, settings, symbols=symbols, progress=progress, **given
+            )
+            return tide, linear
+        gwce = GwceEquation(mesh, forcing.nodes, settings, **given)
+        if symbols is None:
+            symbols = [symbols_for(w, settings) for w in forcing.frequency]
+        report = progress if progress is not None else _ignore
+        report(0.0)
+        return _solve_nonlinear(gwce, forcing, symbols, coefficient, report)
     if symbols is None:
+        if settings.time_step_s:
+            raise InputError(
+                'time_step_s goes with discretisation = "gwce", whose model steps in '
+                "time: set that, or leave time_step_s out"
+            )
         symbols = [Symbols.exact(frequency) for frequency in forcing.frequency]
     report = progress if progress is not None else _ignore
     report(0.0)
-    per_constituent = np.ndim(friction) == 2
     if per_constituent and len(friction) != len(forcing.names):
         raise ValueError(
             f"{len(friction)} rows of friction for {len(forcing.names)} constituents"
@@ -164,11 +180,6 @@ def solve_with_report(
         elements=elements,
     )
     if is_nonlinear(settings):
-        if per_constituent:
-            raise InputError(
-                "friction of every constituent goes with linear equations; quadratic "
-                "friction finds it itself"
-            )
         return _solve_nonlinear(equation, forcing, symbols, coefficient, report)
     if per_constituent:
         equations = [equation.with_friction(row) for row in friction]
@@ -268,19 +279,23 @@ def _solve_nonlinear(
         factor * forcing.elevation,
         None if potential is None else factor * potential,
     )
-    balance = HarmonicBalance(equation, drive, drag)
+    gwce = isinstance(equation, GwceEquation)
+    balance = (GwceBalance if gwce else HarmonicBalance)(equation, drive, drag)
     state = balance.solve(report)
     velocity, friction = balance.nodal(state)
-    tide = ForcedTide(
-        names=tuple(forcing.names),
-        frequency=forcing.frequency,
-        elevation=state.elevation / factor,
-        velocity=velocity / factor[:, None],
-        friction=friction,
-        gravity=settings.gravity,
-        coriolis=equation.coriolis,
-        energy=balance.energy(state),
-    )
+    constants_of = {
+        "names": tuple(forcing.names),
+        "frequency": forcing.frequency,
+        "elevation": state.elevation / factor,
+        "velocity": velocity / factor[:, None],
+        "friction": friction,
+        "gravity": settings.gravity,
+        "coriolis": equation.coriolis,
+    }
+    if gwce:
+        tide = TideSolution(**constants_of)
+    else:
+        tide = ForcedTide(**constants_of, energy=balance.energy(state))
     report(1.0)
     return tide, IterationReport(balance.iterations, balance.change, True)
 
