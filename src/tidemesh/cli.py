@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -314,23 +315,24 @@ def verify(
     """
     from tidemesh.pipeline.verify import verify as run_verify
 
-    result = run_verify(
-        solution,
-        output=output,
-        mesh=mesh,
-        gauges=gauges,
-        constituents=constituents.split(",") if constituents else None,
-        observed=observed,
-        modelled=modelled,
-        station=station,
-        stations=stations.split(",") if stations else (),
-        cold_start=cold_start,
-        analyse=analyse,
-        start=start,
-        end=end,
-        farthest_m=1e3 * farthest_km,
-        figures=not no_figures,
-    )
+    with _warnings_silenced() if quiet else nullcontext():
+        result = run_verify(
+            solution,
+            output=output,
+            mesh=mesh,
+            gauges=gauges,
+            constituents=constituents.split(",") if constituents else None,
+            observed=observed,
+            modelled=modelled,
+            station=station,
+            stations=stations.split(",") if stations else (),
+            cold_start=cold_start,
+            analyse=analyse,
+            start=start,
+            end=end,
+            farthest_m=1e3 * farthest_km,
+            figures=not no_figures,
+        )
     if as_json:
         click.echo((output / "verification.json").read_text(encoding="utf-8"))
     elif not quiet:
@@ -406,12 +408,25 @@ def _reporting(quiet: bool) -> Iterator[Any]:
     if quiet:
         from tidemesh.pipeline.runner import SilentReporter
 
-        yield SilentReporter()
+        with _warnings_silenced():
+            yield SilentReporter()
         return
     from tidemesh.pipeline.progress import RichReporter
 
     with RichReporter() as reporter:
         yield reporter
+
+
+@contextmanager
+def _warnings_silenced() -> Iterator[None]:
+    """Errors only: what the library warns of is in the summary as well."""
+    log = logging.getLogger("tidemesh")
+    level = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        log.setLevel(level)
 
 
 def main(arguments: list[str] | None = None) -> int:

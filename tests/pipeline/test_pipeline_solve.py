@@ -523,3 +523,28 @@ def test_an_output_that_cannot_be_made_is_refused_before_the_work(model, capsys)
     arguments = ["solve", str(model / "fort.14"), "--fort15", str(model / "fort.15")]
     assert main([*arguments, "--output", str(model / "fort.14" / "out"), "-q"]) == 2
     assert "is no folder" in capsys.readouterr().err
+
+
+def test_what_a_fort15_has_beyond_the_engine_is_noted(model, tmp_path, capfd):
+    """A weir and a part of the potential: in the summary, and silent with --quiet."""
+    mesh = read_fort14(model / "fort.14")
+    land = next(b for b in mesh.boundaries if b.kind == "mainland")
+    heights = np.tile([-9.0, 1.0], (len(land.nodes), 1))
+    weir = dataclasses.replace(land, ibtype=23, extra=heights)
+    boundaries = tuple(weir if b is land else b for b in mesh.boundaries)
+    path = tmp_path / "fort.14"
+    write_fort14(path, dataclasses.replace(mesh, boundaries=boundaries))
+    control = dataclasses.replace(read_fort15(model / "fort.15"), eddy_viscosity=2.0)
+    write_fort15(tmp_path / "fort.15", control)
+    arguments = ["solve", str(path), "--fort15", str(tmp_path / "fort.15")]
+    assert main([*arguments, "--output", str(tmp_path / "out"), "--quiet"]) == 0
+    notes = json.loads((tmp_path / "out" / "summary.json").read_text())["left_out"]
+    assert any("1 weirs are walls" in note for note in notes)
+    assert any("eddy viscosity" in note for note in notes)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_levels_end_after_they_start(solved, tmp_path, capsys):
+    arguments = ["verify", str(solved), "--output", str(tmp_path)]
+    assert main([*arguments, "--start", "1998-03-31", "--end", "1998-03-16"]) == 2
+    assert "is not before --end" in capsys.readouterr().err

@@ -28,6 +28,9 @@ from tidemesh.pipeline.solve import (
     forcing_of_case,
     made_folder,
     read_tide_case,
+    require_driven,
+    require_writable,
+    weir_notes,
     write_constants,
     write_summary,
 )
@@ -109,6 +112,7 @@ def simulate_mesh(
     started = time.perf_counter()
     given = read_mesh(mesh)
     check_mesh(given, Path(mesh))
+    require_writable(output)
     if fort15 is not None:
         grid, forcing, settings, known, notes = _of_fort15(
             given, fort15, fort13, overrides
@@ -116,6 +120,11 @@ def simulate_mesh(
     else:
         grid, forcing, settings, known = _of_case(given, case, table, overrides)
         notes = ()
+    notes = [
+        *notes,
+        *weir_notes(grid),
+        *require_driven(grid, Path(mesh), forcing.potential is not None),
+    ]
     chosen, left_out = _stations(grid, stations, settings.simulation)
     folder = made_folder(output)
     restart = folder / "restart.npz"
@@ -139,7 +148,7 @@ def simulate_mesh(
         "nodes": len(grid.points),
         "elements": len(grid.triangles),
         "constituents": [],
-        "left_out": list(notes),
+        "left_out": notes,
         "stations": [record.station for record in result.records],
         "stations_left_out": left_out,
         **_report(result),

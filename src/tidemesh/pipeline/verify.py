@@ -94,6 +94,8 @@ def verify(
     InputError
         If an input cannot be used, or no gauge lies in the mesh.
     """
+    if start is not None and end is not None and seconds(start) >= seconds(end):
+        raise InputError(f"--start {start} is not before --end {end}")
     given = None if mesh is None else read_mesh(mesh)
     grid, tide = read_solution(solution, given)
     # The same velocities and elevations on a map with true distances.
