@@ -19,7 +19,11 @@ from tidemesh.errors import ConvergenceError, InputError, MeshError
 from tidemesh.io.files import atomic
 from tidemesh.io.fort53 import write_fort53, write_fort54
 from tidemesh.io.ugrid import write_ugrid
-from tidemesh.pipeline.adcirc_case import read_adcirc_case, still_known
+from tidemesh.pipeline.adcirc_case import (
+    read_adcirc_case,
+    still_known,
+    with_odd_overtides,
+)
 from tidemesh.pipeline.case import (
     ForcingSettings,
     apply_overrides,
@@ -263,9 +267,10 @@ def _solve_adcirc_case(
     ]
 
     def solved(settings: TideSettings) -> tuple[TideSolution, dict[str, Any]]:
-        return solve_tide(
+        longer, asked = with_odd_overtides(forcing, settings)
+        tide, report = solve_tide(
             theirs.mesh,
-            forcing,
+            longer,
             settings,
             adcirc=case.adcirc,
             folder=output / "adcirc",
@@ -273,6 +278,19 @@ def _solve_adcirc_case(
             progress=progress,
             **still_known(theirs.known, theirs.settings, settings),
         )
+        if asked == len(longer.names):
+            return tide, report
+        tide = dataclasses.replace(
+            tide,
+            names=tide.names[:asked],
+            frequency=tide.frequency[:asked],
+            elevation=tide.elevation[:asked],
+            velocity=tide.velocity[:asked],
+            friction=tide.friction[:asked],
+        )
+        for name in longer.names[asked:]:
+            del report[name]
+        return tide, report
 
     try:
         tide, report = solved(case.tide)
