@@ -70,3 +70,8 @@ def test_override_types(island):
 def test_shipped_cases_are_valid(examples, name):
     case = read_case(examples / "south_carolina" / f"{name}.toml")
     assert case.domain.ocean.radius_deg == 1.59031
+
+
+@pytest.mark.parametrize("written", ["1998-03-24", '"1998-03-24"'])
+def test_dates_need_no_quotes(island, written):
+    assert read_case(island, [f"tide.date={written}"]).tide.date == "1998-03-24"

@@ -6,6 +6,7 @@ import difflib
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Sequence
+from datetime import date
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -176,10 +177,18 @@ def decode_case(
     InputError
         Naming key, value, expectation and, for unknown keys, the nearest valid key.
     """
+    data = _dates_as_text(data)
     try:
         return msgspec.convert(data, kind)
     except msgspec.ValidationError as error:
         raise InputError(_explain(str(error), data, name, text, kind)) from None
+
+
+def _dates_as_text(value: Any) -> Any:
+    """TOML has dates without quotes; ours are text."""
+    if isinstance(value, dict):
+        return {key: _dates_as_text(item) for key, item in value.items()}
+    return value.isoformat() if isinstance(value, date) else value
 
 
 def _apply(data: dict[str, Any], override: str) -> None:
