@@ -307,6 +307,18 @@ def test_transposed_solution_is_the_adjoint(island):
     assert (wave.respond(load)[equation.open_nodes] == 0.0).all()
 
 
+def test_effect_of_every_open_node_is_that_of_moving_it_alone(island):
+    equation = WaveEquation(island, island.open_nodes, coriolis=1e-4)
+    wave = equation.factorise(Symbols.exact(OMEGA))
+    places = np.array([[3, 40], [0, equation.open_nodes[1]]])
+    weights = np.zeros((2, len(island.points)))
+    weights[np.arange(2)[:, None], places] = [[0.3, 0.7], [0.5, 0.5]]
+    effect = wave.effect_of_open_nodes(sparse.csr_array(weights))
+    moved = np.eye(len(equation.open_nodes))
+    expected = np.stack([weights @ wave.elevation(row) for row in moved], axis=1)
+    assert_allclose(effect, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
+
+
 @pytest.mark.parametrize("mass", ["consistent", "half_lumped", "lumped"])
 @pytest.mark.parametrize("coriolis", [0.0, 9e-5])
 def test_inflow_of_energy_is_lost_to_friction(island, mass, coriolis):

@@ -14,6 +14,7 @@ from tidemesh.tides.frequency_domain.velocity import (
     nodal_velocity,
     projected_gradient,
     recovered_gradient,
+    shore_direction,
 )
 
 
@@ -144,3 +145,26 @@ def test_response_to_friction_that_differs_with_the_direction(mesh):
     assert_allclose(
         response[:, :, node], -9.81 / drag * np.outer(along, along), atol=1e-9
     )
+
+
+def test_the_shore_of_an_annulus_runs_round_its_centre():
+    mesh = annulus_mesh(10, 14, 0)
+    turned = [BoundaryString("open", mesh.open_nodes)]
+    inner = np.flatnonzero(
+        np.isclose(np.hypot(*mesh.points.T), np.hypot(*mesh.points.T).min())
+    )
+    inner = inner[np.argsort(np.arctan2(*mesh.points[inner].T))]
+    held = np.setdiff1d(np.arange(len(mesh.points)), np.append(inner, mesh.open_nodes))
+    turned.append(BoundaryString("mainland", inner))
+    turned.append(BoundaryString("mainland", held[:3], ibtype=10))
+    turned.append(BoundaryString("mainland", held[3:6], ibtype=20))
+    shore = CoastalMesh(mesh.points, mesh.triangles, mesh.depth, tuple(turned))
+    bound, direction = shore_direction(shore, Elements.of(shore), 90.0)
+    assert bound[inner].all()
+    assert bound[held[:3]].all()
+    assert bound.sum() == len(inner) + 3
+    assert not direction[:, held].any()
+    inside = inner[1:-1]
+    assert_allclose(np.hypot(*direction[:, inside]), 1.0)
+    radial = (direction[:, inside] * mesh.points[inside].T).sum(axis=0)
+    assert_allclose(radial, 0.0, atol=1e-9 * np.abs(mesh.points).max())

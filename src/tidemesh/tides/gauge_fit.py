@@ -22,7 +22,6 @@ from tidemesh.errors import EngineError, InputError
 from tidemesh.tides.frequency_domain.gwce import GwceEquation, symbols_for
 from tidemesh.tides.frequency_domain.solve import is_nonlinear, solve
 from tidemesh.tides.frequency_domain.wave_equation import (
-    FactorisedWave,
     Symbols,
     WaveEquation,
 )
@@ -270,28 +269,6 @@ def fit_boundary(
     )
 
 
-def gauge_effects(wave: FactorisedWave, place: sparse.csr_array) -> np.ndarray:
-    """Effect of the open nodes on places inside.
-
-    Parameters
-    ----------
-    wave : FactorisedWave
-    place : (n_g, n_points) sparse array
-        Weights of the nodes at each place.
-
-    Returns
-    -------
-    effect : (n_g, n_ocean) complex array
-        Elevation at the places, by one metre at one open node and none at the others.
-    """
-    equation = wave.equation
-    ordered = sparse.csr_array(place)[:, np.argsort(equation._place)]
-    inside = ordered[:, : equation._n_free]
-    adjoint = wave._factorisation.solve(inside.toarray().T, transpose=True)
-    edge = ordered[:, equation._n_free :].toarray()
-    return edge - (wave._forcing.T @ adjoint).T
-
-
 class Roughness:
     """Penalty of boundary values that are not smooth along the open boundary.
 
@@ -499,7 +476,7 @@ def _effects(
             symbols = symbols_for(omega, at.settings)
         else:
             symbols = Symbols.exact(omega)
-        effects.append(gauge_effects(at.factorise(symbols), place))
+        effects.append(at.factorise(symbols).effect_of_open_nodes(place))
     return np.stack(effects)
 
 

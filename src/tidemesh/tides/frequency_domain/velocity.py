@@ -201,6 +201,55 @@ def _fit_quadratic(
     return (fit[:, 1:3] / reach[:, None]).T, good
 
 
+def shore_direction(
+    mesh: CoastalMesh, elements: Elements, minimum_inner_angle_deg: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes whose velocity is bound to the shore, as ADCIRC does it.
+
+    The direction of the shore at a node joins its two neighbours on the boundary
+    string, itself standing in for the missing one at an end.
+
+    Parameters
+    ----------
+    mesh : CoastalMesh
+    elements : Elements
+        Measures the way between nodes.
+    minimum_inner_angle_deg : float
+        Land corners sharper than this let nothing flow (ANGINN).
+
+    Returns
+    -------
+    bound : (n_points,) bool array
+    direction : (2, n_points) array
+        Unit vectors along the axes of the nodes; zero where nothing flows (no slip,
+        sharp corners), and off the shore.
+    """
+    n = elements.n_points
+    bound, direction = np.zeros(n, dtype=bool), np.zeros((2, n))
+    least = np.cos(np.radians(minimum_inner_angle_deg))
+    for string in mesh.boundaries:
+        nodes = string.nodes
+        if string.kind == "open" or len(nodes) < 2:
+            continue
+        if string.ibtype not in SLIP + NO_SLIP:
+            continue
+        bound[nodes] = True
+        if string.ibtype in NO_SLIP:
+            direction[:, nodes] = 0.0
+            continue
+        before, after = np.roll(nodes, 1), np.roll(nodes, -1)
+        if not string.closed:
+            before[0], after[-1] = nodes[0], nodes[-1]
+        back, ahead = elements.chord(nodes, before), elements.chord(nodes, after)
+        along = ahead - back
+        tangent = along / np.hypot(*along)
+        convex = ahead[0] * back[1] - ahead[1] * back[0] > 0.0
+        sharp = (ahead * back).sum(axis=0) > least * np.hypot(*ahead) * np.hypot(*back)
+        tangent[:, convex & sharp] = 0.0
+        direction[:, nodes] = tangent
+    return bound, direction
+
+
 def _along_land(
     equation: WaveEquation, response: np.ndarray, q: tuple[np.ndarray, ...]
 ) -> None:
@@ -208,30 +257,15 @@ def _along_land(
 
     The momentum equation along the shore is kept, the velocity across it set to zero;
     so the rotation drops out and -g over t.q.t is what is left along the shore, with
-    the tensor `q` = i w + tau (xx, xy, yy). The direction t of the shore at a node
-    joins its two neighbours on the boundary string, itself standing in for the missing
-    one at an end.
+    the tensor `q` = i w + tau (xx, xy, yy) and the direction t of the shore.
     """
-    chord = equation.elements.chord
-    least = np.cos(np.radians(equation.settings.minimum_inner_angle_deg))
-    for string in equation.mesh.boundaries:
-        nodes = string.nodes
-        if string.kind == "open" or len(nodes) < 2:
-            continue
-        if string.ibtype in NO_SLIP:
-            response[:, :, nodes] = 0.0
-        if string.ibtype not in SLIP:
-            continue
-        before, after = np.roll(nodes, 1), np.roll(nodes, -1)
-        if not string.closed:
-            before[0], after[-1] = nodes[0], nodes[-1]
-        back, ahead = chord(nodes, before), chord(nodes, after)
-        along = ahead - back
-        tangent = along / np.hypot(*along)
-        (x, y), (xx, xy, yy) = tangent, (part[nodes] for part in q)
-        along = -equation.settings.gravity / (x * x * xx + 2 * x * y * xy + y * y * yy)
-        response[:, :, nodes] = tangent[:, None] * tangent * along
-
-        convex = ahead[0] * back[1] - ahead[1] * back[0] > 0.0
-        sharp = (ahead * back).sum(axis=0) > least * np.hypot(*ahead) * np.hypot(*back)
-        response[:, :, nodes[convex & sharp]] = 0.0
+    settings = equation.settings
+    bound, direction = shore_direction(
+        equation.mesh, equation.elements, settings.minimum_inner_angle_deg
+    )
+    response[:, :, bound] = 0.0
+    nodes = np.flatnonzero(direction.any(axis=0))
+    (x, y), (xx, xy, yy) = direction[:, nodes], (part[nodes] for part in q)
+    along = -settings.gravity / (x * x * xx + 2 * x * y * xy + y * y * yy)
+    tangent = direction[:, nodes]
+    response[:, :, nodes] = tangent[:, None] * tangent * along

@@ -371,6 +371,27 @@ class FactorisedWave:
         ordered[n_free:] = 0.0
         return ordered[equation._place]
 
+    def effect_of_open_nodes(self, place: sparse.sparray) -> np.ndarray:
+        """Effect of the open nodes on places inside, by the adjoint of each place.
+
+        Parameters
+        ----------
+        place : (n_g, n_points) sparse array
+            Weights of the nodes at each place.
+
+        Returns
+        -------
+        effect : (n_g, n_ocean) complex array
+            Elevation at the places, by one metre at one open node and none at the
+            others.
+        """
+        equation = self.equation
+        ordered = sparse.csr_array(place)[:, np.argsort(equation._place)]
+        inside = ordered[:, : equation._n_free]
+        adjoint = self._factorisation.solve(inside.toarray().T, transpose=True)
+        edge = ordered[:, equation._n_free :].toarray()
+        return edge - (self._forcing.T @ adjoint).T
+
 
 def coriolis_parameter(
     mesh: CoastalMesh, settings: TideSettings

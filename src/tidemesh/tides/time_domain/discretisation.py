@@ -13,7 +13,7 @@ from tidemesh.datatypes import CoastalMesh
 from tidemesh.errors import InputError, MeshError
 from tidemesh.tides.frequency_domain.elements import Elements
 from tidemesh.tides.frequency_domain.metric import elements_for
-from tidemesh.tides.frequency_domain.velocity import NO_SLIP, SLIP
+from tidemesh.tides.frequency_domain.velocity import shore_direction
 from tidemesh.tides.frequency_domain.wave_equation import coriolis_parameter
 from tidemesh.tides.settings import TideSettings
 from tidemesh.tides.time_domain import _kernels as kernels
@@ -154,36 +154,13 @@ class Discretisation:
         direction : (2, n_points) array
             Along the shore; zero where nothing flows (no slip, sharp corners).
         """
-        n = len(self.order)
-        bound, direction = np.zeros(n, dtype=bool), np.zeros((2, n))
+        bound = np.zeros(len(self.order), dtype=bool)
+        direction = np.zeros((2, len(self.order)))
         if settings.land_rule == "none":
             return bound, direction
-        points, scale = self.mesh.points, self.elements.scale
-        least = np.cos(np.radians(settings.minimum_inner_angle_deg))
-        for string in self.mesh.boundaries:
-            nodes = string.nodes
-            if string.kind == "open" or len(nodes) < 2:
-                continue
-            if string.ibtype not in SLIP + NO_SLIP:
-                continue
-            bound[self.place[nodes]] = True
-            if string.ibtype in NO_SLIP:
-                direction[:, self.place[nodes]] = 0.0
-                continue
-            before, after = np.roll(nodes, 1), np.roll(nodes, -1)
-            if not string.closed:
-                before[0], after[-1] = nodes[0], nodes[-1]
-            back, ahead = (points[before] - points[nodes]).T, points[after].T
-            ahead = ahead - points[nodes].T
-            if scale is not None:
-                back, ahead = back / scale[:, nodes], ahead / scale[:, nodes]
-            along = ahead - back
-            tangent = along / np.hypot(*along)
-            convex = ahead[0] * back[1] - ahead[1] * back[0] > 0.0
-            lengths = np.hypot(*ahead) * np.hypot(*back)
-            sharp = (ahead * back).sum(axis=0) > least * lengths
-            tangent[:, convex & sharp] = 0.0
-            direction[:, self.place[nodes]] = tangent
+        bound[self.place], direction[:, self.place] = shore_direction(
+            self.mesh, self.elements, settings.minimum_inner_angle_deg
+        )
         return bound, direction
 
     def constants(
