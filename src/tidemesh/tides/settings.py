@@ -49,7 +49,8 @@ class TideSettings(
     """Elevation counts in the water depth (makes M4, MS4, STEADY ...)."""
 
     advection: bool = False
-    """Momentum is advected (makes M4, MS4, STEADY ...)."""
+    """Momentum is advected (makes M4, MS4, STEADY ...). For meshes that are coarse
+    against the way of the water in a tide; in jets its harmonics do not converge."""
 
     tidal_potential: bool = False
     """The astronomical forces inside the domain, with body-tide factors."""
@@ -59,8 +60,9 @@ class TideSettings(
     day scale the amplitudes that set the quadratic friction. Left out: factors of 1."""
 
     tolerance: Positive = 1.0e-4
-    """Largest change of the elevation in the last iteration of the nonlinear terms,
-    relative to its root mean square."""
+    """Largest change of the elevation (with ``discretisation = "gwce"`` of the velocity
+    as well) in the last iteration of the nonlinear terms, relative to its root mean
+    square."""
 
     max_iterations: Annotated[int, msgspec.Meta(ge=1, le=1000)] = 60
     """Iterations after which the nonlinear terms are reported as not converging."""
@@ -76,7 +78,8 @@ class TideSettings(
 
     discretisation: Literal["galerkin", "gwce"] = "galerkin"
     """Galerkin's method for the wave equation, or the generalised wave continuity
-    equation exactly as ADCIRC discretises it (the same where tau0 = tau and f = 0)."""
+    equation exactly as ADCIRC discretises it (the same where tau0 = tau and f = 0),
+    with any friction law but without finite amplitude and advection."""
 
     tau0: NonNegative | None = None
     """Weight of ADCIRC's wave equation, 1/s; left out: the friction where that is one
@@ -84,7 +87,8 @@ class TideSettings(
 
     time_step_s: NonNegative = 0.0
     """Step of a time-stepping model whose answer is to be reproduced, with its errors
-    of time (ADCIRC's weights 0.35, 0.30, 0.35); 0 for continuous time."""
+    of time (ADCIRC's weights 0.35, 0.30, 0.35); 0 for continuous time; needs
+    ``discretisation = "gwce"``."""
 
     mass: Literal["consistent", "half_lumped", "lumped"] = "consistent"
     """Galerkin mass matrix (as ADCIRC), or one closer to its diagonal."""
