@@ -7,7 +7,7 @@ import logging
 import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -315,7 +315,7 @@ def verify(
     """
     from tidemesh.pipeline.verify import verify as run_verify
 
-    with _warnings_silenced() if quiet else nullcontext():
+    with _warnings(quiet):
         result = run_verify(
             solution,
             output=output,
@@ -408,25 +408,32 @@ def _reporting(quiet: bool) -> Iterator[Any]:
     if quiet:
         from tidemesh.pipeline.runner import SilentReporter
 
-        with _warnings_silenced():
+        with _warnings(quiet):
             yield SilentReporter()
         return
     from tidemesh.pipeline.progress import RichReporter
 
-    with RichReporter() as reporter:
+    with _warnings(quiet), RichReporter() as reporter:
         yield reporter
 
 
 @contextmanager
-def _warnings_silenced() -> Iterator[None]:
-    """Errors only: what the library warns of is in the summary as well."""
+def _warnings(quiet: bool) -> Iterator[None]:
+    """What the library warns of goes to stderr, or nowhere."""
     log = logging.getLogger("tidemesh")
-    level = log.level
-    log.setLevel(logging.ERROR)
+    level, propagate = log.level, log.propagate
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("warning: %(message)s"))
+    log.addHandler(handler)
+    log.setLevel(logging.ERROR if quiet else logging.WARNING)
+    # Other libraries set up logging in their own way.
+    log.propagate = False
     try:
         yield
     finally:
+        log.removeHandler(handler)
         log.setLevel(level)
+        log.propagate = propagate
 
 
 def main(arguments: list[str] | None = None) -> int:
