@@ -548,3 +548,30 @@ def test_levels_end_after_they_start(solved, tmp_path, capsys):
     arguments = ["verify", str(solved), "--output", str(tmp_path)]
     assert main([*arguments, "--start", "1998-03-31", "--end", "1998-03-16"]) == 2
     assert "is not before --end" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["solve", "simulate"])
+@pytest.mark.parametrize(
+    ("depth", "said"),
+    [
+        (0.0, "the first is node 6 at"),
+        (-3.0, "with a depth of -3 m"),
+        (1e7, "depth beyond 12 km: 1"),
+    ],
+)
+def test_a_node_without_water_is_named(model, tmp_path, capsys, command, depth, said):
+    mesh = read_fort14(model / "fort.14")
+    changed = mesh.depth.copy()
+    changed[5] = depth
+    projection = Projection.equirectangular(-79.0, 33.0)
+    mesh = dataclasses.replace(mesh, depth=changed, projection=projection)
+    path, table = tmp_path / "fort.14", tmp_path / "table.csv"
+    write_fort14(path, mesh)
+    longitude, latitude = projection.inverse(mesh.points[mesh.open_nodes[0]])
+    rows = f"longitude,latitude,constituent,amplitude,phase\n{longitude},{latitude},"
+    table.write_text(rows + "M2,0.3,0.0\n", encoding="utf-8")
+    arguments = [command, str(path), "--table", str(table), "--quiet"]
+    arguments += ["--set", "tide.max_forcing_distance_km=500"]
+    assert main([*arguments, "--output", str(tmp_path / "out")]) in (1, 2)
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

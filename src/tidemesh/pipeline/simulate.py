@@ -29,6 +29,7 @@ from tidemesh.pipeline.solve import (
     made_folder,
     read_tide_case,
     require_driven,
+    require_water,
     require_writable,
     weir_notes,
     write_constants,
@@ -120,6 +121,7 @@ def simulate_mesh(
     else:
         grid, forcing, settings, known = _of_case(given, case, table, overrides)
         notes = ()
+    require_water(grid, Path(mesh))
     notes = [
         *notes,
         *weir_notes(grid),

@@ -176,7 +176,7 @@ def check_mesh(mesh: CoastalMesh, path: Path) -> None:
     ------
     MeshError
     """
-    faults = topology.check_mesh(mesh.points, mesh.triangles)
+    faults = topology.check_mesh(mesh.points, mesh.triangles, mesh.depth)
     tolerated = {APART}
     if goes_round_the_globe(mesh):
         # Triangles across the edge of the map lie over all the others.
@@ -184,6 +184,24 @@ def check_mesh(mesh: CoastalMesh, path: Path) -> None:
     found = [str(fault) for fault in faults if fault.name not in tolerated]
     if found:
         raise MeshError(f"{path}: the mesh is not valid: " + "; ".join(found))
+
+
+def require_water(mesh: CoastalMesh, path: Path) -> None:
+    """Refuse nodes without water: nothing here falls dry.
+
+    Raises
+    ------
+    InputError
+    """
+    dry = np.flatnonzero(mesh.depth <= 0.0)
+    if not len(dry):
+        return
+    x, y = mesh.projection.inverse(mesh.points[dry[0]])
+    raise InputError(
+        f"{path}: {len(dry)} nodes have no water, the first is node {dry[0] + 1} at "
+        f"({x:.6g}, {y:.6g}) with a depth of {mesh.depth[dry[0]]:g} m: give them water "
+        "in the mesh, or a fort.15, whose H0 is the least depth"
+    )
 
 
 def require_driven(mesh: CoastalMesh, path: Path, potential: bool) -> list[str]:
@@ -331,6 +349,7 @@ def _solve_case(
     files = find_files(tide_files(forcing, settings.tide, settings.adcirc), folder)
     check_tide_inputs(settings.tide, files)
     require_map(mesh, path, settings.tide)
+    require_water(mesh, path)
     # ADCIRC's map of degrees stretches; the plane of the equations must not.
     if settings.tide.metric in ("plane", "sphere"):
         mesh = on_a_conformal_map(mesh)

@@ -17,6 +17,9 @@ from tidemesh.geometry.polygons import ring_area
 PAIRED_TYPES = (4, 5, 24, 25, 64)
 """ADCIRC's boundary types whose first extra column is the node across the weir."""
 
+DEEPEST = 12_000.0
+"""m; no sea is deeper (10.9 km) and no land higher: a damaged number."""
+
 
 def edges(triangles: np.ndarray) -> np.ndarray:
     """Every edge once, smaller index first, in ascending order: (n_edges, 2)."""
@@ -352,6 +355,7 @@ def _depth_problems(
         low[finite] = depth[finite] < minimum_depth
     return _first_fault(
         ("depth not finite", ~finite, points),
+        ("depth beyond 12 km", finite & (np.abs(depth) > DEEPEST), points),
         ("depth below the minimum", low, points),
     )
 
