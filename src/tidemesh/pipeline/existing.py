@@ -115,7 +115,7 @@ def take_domain(context: Context) -> Domain:
     try:
         domain = domain_from_mesh(mesh)
     except MeshError as error:
-        raise MeshError(f"{path}: {error}") from None
+        raise InputError(f"{path}: {error}") from None
     context.report["domain"] = {
         "boundary_nodes": sum(len(ring.points) for ring in domain.rings),
         "islands": len(domain.rings) - 1,

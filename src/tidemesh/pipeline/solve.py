@@ -15,7 +15,7 @@ import numpy as np
 
 import tidemesh
 from tidemesh.datatypes import CoastalMesh, TideForcing, TideSolution
-from tidemesh.errors import ConvergenceError, InputError, MeshError
+from tidemesh.errors import ConvergenceError, InputError
 from tidemesh.io.files import atomic
 from tidemesh.io.fort53 import write_fort53, write_fort54
 from tidemesh.io.ugrid import write_ugrid
@@ -174,7 +174,7 @@ def check_mesh(mesh: CoastalMesh, path: Path) -> None:
 
     Raises
     ------
-    MeshError
+    InputError
     """
     faults = topology.check_mesh(mesh.points, mesh.triangles, mesh.depth)
     tolerated = {APART}
@@ -183,7 +183,7 @@ def check_mesh(mesh: CoastalMesh, path: Path) -> None:
         tolerated.add("overlapping triangles")
     found = [str(fault) for fault in faults if fault.name not in tolerated]
     if found:
-        raise MeshError(f"{path}: the mesh is not valid: " + "; ".join(found))
+        raise InputError(f"{path}: the mesh is not valid: " + "; ".join(found))
 
 
 def require_water(mesh: CoastalMesh, path: Path) -> None:
@@ -318,8 +318,8 @@ def _solve_adcirc_case(
         tide, report = solved(msgspec.structs.replace(case.tide, advection=False))
         notes.append(
             "advection left out, since its harmonics do not converge in strong jets; "
-            "M2 may be wrong by a tenth behind narrow inlets: `tidemesh simulate` has "
-            "all terms"
+            "behind narrow inlets M2 may be wrong by a tenth, and overtides and mean "
+            "level are no guide: `tidemesh simulate` has all terms"
         )
     settings = msgspec.to_builtins(case.tide)
     return (
