@@ -145,7 +145,7 @@ def solve(
 
     Writes tide.nc, fort.53, fort.54 and summary.json. With --fort15 the constituents,
     boundary values, friction, rotation and coordinates are those of an ADCIRC case,
-    and so is the discretisation where the run is linear.
+    and so is the discretisation where the run is linear or only its friction is not.
     """
     from tidemesh.pipeline.solve import solve_mesh
 
