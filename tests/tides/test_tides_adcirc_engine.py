@@ -313,8 +313,10 @@ def test_a_crash_of_the_preparation_is_told(tmp_path, program, mesh, forcing):
 
 
 def test_without_launcher_the_directory_is_left_ready(tmp_path, mesh, forcing):
-    settings = AdcircSettings(ranks=4, launcher="no_such_launcher -n {ranks}")
-    with pytest.raises(AdcircPending, match="adcprep is not installed") as caught:
+    settings = AdcircSettings(
+        ranks=4, adcprep="no_adcprep", launcher="no_such_launcher -n {ranks}"
+    )
+    with pytest.raises(AdcircPending, match="no_adcprep is not installed") as caught:
         Adcirc(settings, TIDE, tmp_path / "run").solve(mesh, forcing)
     assert "no_such_launcher -n 4 padcirc" in str(caught.value)
     assert (tmp_path / "run" / "fort.14").exists()
