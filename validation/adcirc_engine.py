@@ -100,7 +100,14 @@ def _cases(
             short,
             {"": {}, "gwce": {"discretisation": "gwce"}, "step": discrete},
         ),
-        Case("shelf, quadratic", shelf, forcing, QUADRATIC, short, {"": {}}),
+        Case(
+            "shelf, quadratic",
+            shelf,
+            forcing,
+            QUADRATIC,
+            short,
+            {"": {}, "gwce": {"discretisation": "gwce", "tau0": 0.009}},
+        ),
         Case("shelf, finite", shelf, forcing, FINITE, short, {"": {}}),
         Case(
             "shelf, nonlinear",
