@@ -47,6 +47,17 @@ def read_bytes(path: Path) -> bytes:
         raise InputError(f"{path}: there is no such file") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    return unpacked(content, path)
+
+
+def unpacked(content: bytes, path: Path) -> bytes:
+    """Content decompressed if it is gzipped.
+
+    Raises
+    ------
+    FormatError
+        If it is damaged.
+    """
     if content[:2] != b"\x1f\x8b":
         return content
     try:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from tidemesh.errors import InputError
+from tidemesh.errors import FormatError, InputError
 
 
 @contextmanager
@@ -55,6 +55,24 @@ def atomic(path: str | Path) -> Iterator[Path]:
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
+
+
+def read_text(path: Path) -> str:
+    """Text of a file in UTF-8, with or without a byte order mark.
+
+    Raises
+    ------
+    InputError
+        If there is no such file.
+    FormatError
+        If it is not text.
+    """
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except (FileNotFoundError, IsADirectoryError) as error:
+        raise InputError(f"{path}: there is no such file") from error
+    except UnicodeDecodeError as error:
+        raise FormatError("is not a text file in UTF-8", path) from error
 
 
 def sha256(path: str | Path) -> str:

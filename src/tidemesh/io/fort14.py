@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import gzip
 import logging
 import warnings
-import zlib
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO, Literal
@@ -17,7 +14,7 @@ import numpy as np
 from tidemesh.datatypes import BoundaryString, CoastalMesh
 from tidemesh.errors import FormatError, InputError
 from tidemesh.geometry.projection import Projection
-from tidemesh.io.files import atomic
+from tidemesh.io._fortran import unpacked, writing
 
 logger = logging.getLogger(__name__)
 
@@ -56,7 +53,7 @@ def write_fort14(path: str | Path, mesh: CoastalMesh, *, title: str = "") -> Non
     InputError
         If the file cannot be written.
     """
-    with atomic(path) as temporary, _open_to_write(temporary) as file:
+    with writing(path) as file:
         file.write((" ".join(title.split()) + "\n").encode("utf-8"))
         file.write(b"%d %d\n" % (len(mesh.triangles), len(mesh.points)))
         place = mesh.projection.inverse(mesh.points)
@@ -145,17 +142,6 @@ def read_fort14(
     triangles = _counter_clockwise(points, triangles)
     strings = _recognise_closed(strings, triangles, n_nodes)
     return CoastalMesh(points, triangles, table[:, 3], tuple(strings), projection)
-
-
-@contextmanager
-def _open_to_write(path: Path) -> Iterator[BinaryIO]:
-    with open(path, "wb") as file:
-        if path.suffix != ".gz":
-            yield file
-            return
-        # No name and no time in the header: same mesh, same bytes.
-        with gzip.GzipFile("", "wb", 6, file, mtime=0) as packed:
-            yield packed
 
 
 def _write_rows(file: BinaryIO, row: str, table: np.ndarray) -> None:
@@ -346,12 +332,7 @@ def _content(path: Path) -> bytes:
         raise InputError(
             f"{path}: cannot be read ({error.strerror}); check the name"
         ) from error
-    if content[:2] != b"\x1f\x8b":
-        return content
-    try:
-        return gzip.decompress(content)
-    except (OSError, EOFError, zlib.error) as error:
-        raise FormatError(f"the compressed file is damaged: {error}", path) from error
+    return unpacked(content, path)
 
 
 def _fortran_number(token: str) -> float:

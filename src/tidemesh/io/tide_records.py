@@ -17,7 +17,7 @@ import numpy as np
 
 from tidemesh.datatypes import TideRecord
 from tidemesh.errors import FormatError, InputError
-from tidemesh.io.files import atomic
+from tidemesh.io.files import atomic, read_text
 
 _log = logging.getLogger(__name__)
 
@@ -107,12 +107,7 @@ def read_records(
         None if unit is None else _UNITS[unit.lower()],
         None if utc_offset_hours is None else _zone(utc_offset_hours),
     )
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (FileNotFoundError, IsADirectoryError) as error:
-        raise InputError(f"{path}: there is no such file") from error
-    except UnicodeDecodeError as error:
-        raise FormatError("is not a text file in UTF-8", path) from error
+    text = read_text(path)
     if text.lstrip()[:1] in ("{", "["):
         return _read_json(text, stated, path)
     return _read_csv(text, stated, path)

@@ -12,6 +12,7 @@ import numpy as np
 from tidemesh.constants import SPEED_DEG_PER_HOUR
 from tidemesh.datatypes import TideTable
 from tidemesh.errors import FormatError, InputError
+from tidemesh.io.files import read_text
 
 _COLUMNS = {
     "longitude": ("lon", "longitude", "lon_deg", "longitude_deg", "x"),
@@ -177,12 +178,7 @@ def _table(
 
 def _rows(path: Path):
     """Line number and stripped cells of every row, comments and blanks left out."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (FileNotFoundError, IsADirectoryError) as error:
-        raise InputError(f"{path}: there is no such file") from error
-    except UnicodeDecodeError as error:
-        raise FormatError("is not a text file in UTF-8", path) from error
+    text = read_text(path)
     lines = text.splitlines()
     first = next((s for s in lines if s.strip() and not s.startswith("#")), "")
     delimiter = max(",;\t", key=first.count)
