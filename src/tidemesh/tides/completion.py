@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tidemesh.constants import GRAVITY
 from tidemesh.datatypes import CoastalMesh, TideSolution
 from tidemesh.tides.frequency_domain.velocity import nodal_velocity
 from tidemesh.tides.frequency_domain.wave_equation import (
@@ -47,6 +46,15 @@ def complete_solution(
     Returns
     -------
     tide : TideSolution
+
+    Raises
+    ------
+    InputError, MeshError
+        As `WaveEquation`, if velocities have to be computed.
+
+    Notes
+    -----
+    Lorentz's linear friction spends the energy of the quadratic one (docs/method.md).
     """
     settings = TideSettings() if settings is None else settings
     friction = np.full(len(mesh.points), settings.friction)
@@ -67,7 +75,7 @@ def complete_solution(
         speed = np.sqrt((np.abs(velocity) ** 2).sum(axis=(0, 2)))
         drag = np.full(len(mesh.points), settings.drag_coefficient)
         if settings.friction_law == "manning":
-            drag = GRAVITY * settings.manning_n**2 / np.cbrt(mesh.depth)
+            drag = settings.gravity * settings.manning_n**2 / np.cbrt(mesh.depth)
         friction = 8.0 / (3.0 * math.pi) * drag * speed / mesh.depth
     return TideSolution(
         names=tuple(names),
