@@ -21,17 +21,19 @@ from tidemesh.io.ugrid import Field, write_ugrid
 from tidemesh.pipeline.adcirc_case import read_adcirc_case, still_known
 from tidemesh.pipeline.case import find_files, tide_files
 from tidemesh.pipeline.examples import examples_folder
+from tidemesh.pipeline.given_mesh import (
+    check_mesh,
+    require_driven,
+    require_water,
+    weir_notes,
+)
 from tidemesh.pipeline.info import on_a_conformal_map, read_mesh
 from tidemesh.pipeline.solve import (
     TideCase,
-    check_mesh,
     forcing_of_case,
     made_folder,
     read_tide_case,
-    require_driven,
-    require_water,
     require_writable,
-    weir_notes,
     write_constants,
     write_summary,
 )
