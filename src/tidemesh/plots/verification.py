@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.dates import AutoDateLocator, DateFormatter
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from scipy.interpolate import CubicSpline
 
 from tidemesh.datatypes import CoastalMesh, TideTable
@@ -401,7 +401,12 @@ def _decorate_amplitudes(axis: Axes) -> None:
     axis.set_box_aspect(1.0)
     for one in (axis.xaxis, axis.yaxis):
         one.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        one.set_minor_formatter(NullFormatter())
+        # Decades alone would leave a narrow range with one number or none.
+        narrow = ends[1] < 20.0 * ends[0]
+        one.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+        one.set_minor_formatter(
+            FuncFormatter(lambda value, _: f"{value:g}") if narrow else NullFormatter()
+        )
     axis.set_xlabel("observed amplitude (m)")
     axis.set_ylabel("modelled amplitude (m)")
     axis.legend(loc="upper left", frameon=False, fontsize=9)
